@@ -1,0 +1,34 @@
+"""snakegen: one short file to a verified snake robot (see README.md).
+
+The public surface loads lazily, so that ``import snakegen`` costs nothing.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+__all__ = ["Robot", "RobotSpec", "SnakegenError", "build", "load"]
+
+if TYPE_CHECKING:
+    from snakegen.description.build import build
+    from snakegen.errors import SnakegenError
+    from snakegen.robot import Robot, load
+    from snakegen.spec import RobotSpec
+
+_HOME = {
+    "build": "snakegen.description.build",
+    "load": "snakegen.robot",
+    "Robot": "snakegen.robot",
+    "RobotSpec": "snakegen.spec",
+    "SnakegenError": "snakegen.errors",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Imports a public name from its module at first use (PEP 562)."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'snakegen' has no attribute {name!r}")
+    import importlib
+
+    value = getattr(importlib.import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value

@@ -1,0 +1,1 @@
+"""Control laws: pure functions from state to command."""

@@ -1,0 +1,1 @@
+"""Build: run xacro, lint, derive the MJCF, prove that both agree."""

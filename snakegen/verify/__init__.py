@@ -1,0 +1,1 @@
+"""Verification runs: one stepping loop, missions, disturbances, metrics, verdict."""

@@ -1,0 +1,1 @@
+"""Missions, found by folder: one module each."""
