@@ -1,10 +1,11 @@
-"""The one numba decorator: cached on disk, keyed by a hash of all kernel sources.
+"""The one numba decorator: cached on disk, keyed by a hash of every source a kernel rests on.
 
 Numba keys its own cache by the file of the decorated function alone, so editing a callee in
-another file leaves a stale result; here the folder's name carries a hash of every kernel file.
-Where no folder can be written the kernels compile in memory.
+another file leaves a stale result; here the folder's name carries a hash of the kernel's own file
+and of all kernel files that it imports. Where no folder can be written kernels compile in memory.
 """
 
+import ast
 import hashlib
 import os
 import tempfile
@@ -17,21 +18,49 @@ import numba
 from numba.core import config as numba_config
 
 F = TypeVar("F", bound=Callable[..., Any])
+_HERE = Path(__file__).parent
 
 
 @cache
-def cache_folder() -> Path | None:
-    """Returns the folder for compiled kernels, or None where none can be written."""
+def _imports(name: str) -> frozenset[str]:
+    """Returns the kernel modules that kernel module `name` imports."""
+    found = set()
+    for node in ast.walk(ast.parse((_HERE / f"{name}.py").read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            if node.module == "snakegen.kernels":
+                found.update(alias.name for alias in node.names)
+            elif node.module.startswith("snakegen.kernels."):
+                found.add(node.module.rsplit(".", 1)[1])
+    return frozenset(found)
+
+
+def sources(name: str) -> list[Path]:
+    """Returns the files on which kernel module `name` rests: itself and all that it imports."""
+    reached, waiting = set(), [name]
+    while waiting:
+        module = waiting.pop()
+        if module not in reached and (_HERE / f"{module}.py").is_file():
+            reached.add(module)
+            waiting.extend(_imports(module))
+    return sorted(_HERE / f"{module}.py" for module in reached)
+
+
+@cache
+def cache_folder(name: str) -> Path | None:
+    """Returns the folder for the compiled kernels of module `name`; None where none is writable.
+
+    Tried in order: ``$SNAKEGEN_CACHE_DIR``, ``$XDG_CACHE_HOME``, ``~/.cache``.
+    """
     digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    for source in sources(name):
         digest.update(source.name.encode() + source.read_bytes())
-    roots = [
+    roots = (
         os.environ.get("SNAKEGEN_CACHE_DIR"),
         os.environ.get("XDG_CACHE_HOME"),
         os.path.expanduser("~/.cache"),
-    ]
+    )
     for root in filter(None, roots):
-        folder = Path(root) / "snakegen" / f"kernels-{digest.hexdigest()[:16]}"
+        folder = Path(root) / "snakegen" / f"{name}-{digest.hexdigest()[:16]}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder):
@@ -49,7 +78,7 @@ def jit(function: F | None = None, /, **options: Any) -> Any:
     if function is None:
         return lambda f: jit(f, **options)
     options.setdefault("error_model", "numpy")
-    folder = cache_folder()
+    folder = cache_folder(function.__module__.rsplit(".", 1)[-1])
     before = numba_config.CACHE_DIR
     numba_config.CACHE_DIR = str(folder) if folder else before
     try:
