@@ -1,0 +1,193 @@
+"""Kinematics and centroidal quantities of a `Tree`: poses, mass, CoG, inertia, momentum.
+
+All results are in world axes. The CoG velocity contains the joint rates: ``c' = Σ m_i c_i' / m``
+over every body, not the root's velocity alone (ZN23 eqs 1-3 and 15-16).
+"""
+
+import numpy as np
+
+from snakegen.kernels.jit import jit
+from snakegen.kernels.linear import (
+    cross_into,
+    matmul_into,
+    rotation_into,
+    turn_back_into,
+    turn_into,
+)
+from snakegen.kernels.tree import Floats, Tree
+
+
+@jit
+def forward_into(
+    tree: Tree,
+    base_rotation: Floats,
+    base_position: Floats,
+    angles: Floats,
+    rotation: Floats,
+    position: Floats,
+) -> None:
+    """Writes the pose of every body: `forward` without its allocation."""
+    mounted, joint, step = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    rotation[0], position[0] = base_rotation, base_position
+    for i in range(1, tree.parent.shape[0]):
+        above = tree.parent[i]
+        turn_into(rotation[above], tree.translation[i], step)
+        for k in range(3):
+            position[i, k] = position[above, k] + step[k]
+        matmul_into(rotation[above], tree.rotation[i], mounted)
+        if tree.prismatic[i]:
+            turn_into(mounted, tree.axis[i], step)
+            for k in range(3):
+                position[i, k] += step[k] * angles[i - 1]
+            rotation[i] = mounted
+        else:
+            rotation_into(tree.axis[i], angles[i - 1], joint)
+            matmul_into(mounted, joint, rotation[i])
+
+
+@jit
+def forward(
+    tree: Tree, base_rotation: Floats, base_position: Floats, angles: Floats
+) -> tuple[Floats, Floats]:
+    """Returns the world pose of every body: ``T_i = T_parent · (R_i, t_i) · exp(axis_i angle_i)``.
+
+    Args:
+        tree: the robot's n bodies.
+        base_rotation: (3, 3) attitude of body 0, columns its axes in the world.
+        base_position: (3,) m, origin of body 0.
+        angles: (n-1,) rad (m where the joint slides), body 1 first.
+
+    Returns:
+        rotation (n, 3, 3) and position (n, 3) [m] of the body frames.
+    """
+    n = tree.parent.shape[0]
+    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
+    forward_into(tree, base_rotation, base_position, angles, rotation, position)
+    return rotation, position
+
+
+@jit
+def centre_of_gravity(tree: Tree, rotation: Floats, position: Floats) -> tuple[float, Floats]:
+    """Returns the mass [kg] and the CoG (3,) [m, world] of bodies at the given poses."""
+    total, cog, arm = 0.0, np.zeros(3), np.empty(3)
+    for i in range(tree.mass.shape[0]):
+        m = tree.mass[i]
+        turn_into(rotation[i], tree.com[i], arm)
+        total += m
+        for k in range(3):
+            cog[k] += m * (position[i, k] + arm[k])
+    for k in range(3):
+        cog[k] /= total
+    return total, cog
+
+
+@jit
+def mass_properties(tree: Tree, rotation: Floats, position: Floats) -> tuple[float, Floats, Floats]:
+    """Returns mass, CoG and inertia about the CoG of bodies at the given poses.
+
+    ``I = Σ R_i I_i R_iᵀ + m_i (d·d E - d dᵀ)``, d from the CoG to the body's centre of mass.
+
+    Args:
+        tree: the robot's n bodies.
+        rotation: (n, 3, 3) body attitudes from `forward`.
+        position: (n, 3) m, body origins.
+
+    Returns:
+        mass [kg], cog (3,) [m], inertia (3, 3) [kg m²]; world axes.
+    """
+    total, cog = centre_of_gravity(tree, rotation, position)
+    inertia = np.zeros((3, 3))
+    arm, half = np.empty(3), np.empty((3, 3))
+    for i in range(tree.mass.shape[0]):
+        r, m = rotation[i], tree.mass[i]
+        turn_into(r, tree.com[i], arm)
+        for k in range(3):
+            arm[k] += position[i, k] - cog[k]
+        square = arm[0] * arm[0] + arm[1] * arm[1] + arm[2] * arm[2]
+        matmul_into(r, tree.inertia[i], half)
+        for a in range(3):
+            inertia[a, a] += m * square
+            for b in range(3):
+                turned = half[a, 0] * r[b, 0] + half[a, 1] * r[b, 1] + half[a, 2] * r[b, 2]
+                inertia[a, b] += turned - m * arm[a] * arm[b]
+    return total, cog, inertia
+
+
+@jit
+def body_twists(
+    tree: Tree,
+    rotation: Floats,
+    position: Floats,
+    base_linear: Floats,
+    base_angular: Floats,
+    rates: Floats,
+) -> tuple[Floats, Floats]:
+    """Returns linear (n, 3) [m/s, of body origins] and angular (n, 3) [rad/s] velocities, world.
+
+    Args:
+        tree: the robot's n bodies.
+        rotation: (n, 3, 3) body attitudes.
+        position: (n, 3) m, body origins.
+        base_linear: (3,) m/s, of body 0's origin, world axes.
+        base_angular: (3,) rad/s, world axes.
+        rates: (n-1,) joint rates, rad/s (m/s where the joint slides).
+    """
+    n = tree.parent.shape[0]
+    linear, angular = np.empty((n, 3)), np.empty((n, 3))
+    arm, axis, swept = np.empty(3), np.empty(3), np.empty(3)
+    linear[0], angular[0] = base_linear, base_angular
+    for i in range(1, n):
+        above = tree.parent[i]
+        for k in range(3):
+            arm[k] = position[i, k] - position[above, k]
+        cross_into(angular[above], arm, swept)
+        turn_into(rotation[i], tree.axis[i], axis)
+        slide = rates[i - 1] if tree.prismatic[i] else 0.0
+        spin = 0.0 if tree.prismatic[i] else rates[i - 1]
+        for k in range(3):
+            linear[i, k] = linear[above, k] + swept[k] + axis[k] * slide
+            angular[i, k] = angular[above, k] + axis[k] * spin
+    return linear, angular
+
+
+@jit
+def centroidal_motion(
+    tree: Tree,
+    rotation: Floats,
+    position: Floats,
+    base_linear: Floats,
+    base_angular: Floats,
+    rates: Floats,
+) -> tuple[Floats, Floats, Floats]:
+    """Returns CoG velocity, angular momentum about the CoG, and mean angular velocity.
+
+    ``h = Σ R_i I_i R_iᵀ ω_i + m_i (c_i - c) × (c_i' - c')`` and ``ω_mean = I⁻¹ h``. Rotors count
+    as rigid parts of their bodies. Arguments as in `body_twists`.
+
+    Returns:
+        cog_velocity (3,) [m/s], momentum (3,) [N m s], mean angular velocity (3,) [rad/s]; world.
+    """
+    linear, angular = body_twists(tree, rotation, position, base_linear, base_angular, rates)
+    total, cog, inertia = mass_properties(tree, rotation, position)
+    n = tree.mass.shape[0]
+    speed, drift = np.empty((n, 3)), np.zeros(3)
+    arm, out, turned = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(n):
+        turn_into(rotation[i], tree.com[i], arm)
+        cross_into(angular[i], arm, out)
+        for k in range(3):
+            speed[i, k] = linear[i, k] + out[k]
+            drift[k] += tree.mass[i] * speed[i, k] / total
+    momentum = np.zeros(3)
+    for i in range(n):
+        r = rotation[i]
+        turn_back_into(r, angular[i], turned)
+        turn_into(tree.inertia[i], turned, out)
+        turn_into(r, out, turned)
+        turn_into(r, tree.com[i], arm)
+        for k in range(3):
+            arm[k] += position[i, k] - cog[k]
+        cross_into(arm, speed[i] - drift, out)
+        for k in range(3):
+            momentum[k] += turned[k] + tree.mass[i] * out[k]
+    return drift, momentum, np.linalg.solve(inertia, momentum)
