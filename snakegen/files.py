@@ -1,0 +1,82 @@
+"""Writing files whole or not at all: beside the target, then renamed over it."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from snakegen.errors import SnakegenError
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or str(error)
+
+
+def write_atomically(path: Path, content: str | bytes) -> None:
+    """Writes `content` to `path`; an error or Ctrl-C leaves what stood there before.
+
+    Raises:
+        SnakegenError: the folder cannot be made or written, or the disk is full.
+    """
+    path = Path(path)
+    data = content.encode() if isinstance(content, str) else content
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            beside.write_bytes(data)
+            os.replace(beside, path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        raise SnakegenError(f"{path}: cannot be written ({_reason(error)}).") from None
+
+
+@contextmanager
+def folder_whole(target: Path) -> Iterator[Path]:
+    """Yields an empty folder beside `target`; on success its files replace those of `target`.
+
+    Files of `target` that the new set does not have stay. On any error `target` is untouched.
+    """
+    target = Path(target)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if target.exists() and not target.is_dir():
+            raise SnakegenError(f"{target}: is a file; -o needs a folder.")
+        beside = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+        beside.chmod(0o755)
+    except OSError as error:
+        raise SnakegenError(f"{target}: cannot be written ({_reason(error)}).") from None
+    try:
+        yield beside
+        _move_in(beside, target)
+    except OSError as error:
+        raise SnakegenError(f"{target}: cannot be written ({_reason(error)}).") from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _move_in(new: Path, target: Path) -> None:
+    """Puts the tree `new` in the place of `target`, carrying over the files that it lacks."""
+    if not target.exists():
+        os.replace(new, target)
+        return
+    for old in sorted(target.rglob("*")):
+        copy = new / old.relative_to(target)
+        if old.is_dir():
+            copy.mkdir(exist_ok=True)
+        elif not copy.exists():
+            try:
+                os.link(old, copy)
+            except OSError:
+                shutil.copy2(old, copy)
+    retired = new.with_name(new.name + ".old")
+    os.replace(target, retired)
+    try:
+        os.replace(new, target)
+    except OSError:
+        os.replace(retired, target)
+        raise
+    shutil.rmtree(retired, ignore_errors=True)

@@ -1,0 +1,273 @@
+"""RobotSpec: the grammar of chains and modules, typed and checked.
+
+A quantity of a link, joint or apparatus may be one value or a list with an entry each. `resolved`
+spells every list out and computes what was left open; the templates read nothing else.
+"""
+
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
+
+MAX_LINKS = 1000
+Axis = Literal["roll", "pitch", "yaw"]
+
+
+def _number(value: Any) -> Any:
+    """Refuses booleans where a number is meant (YAML reads `yes` as true)."""
+    if isinstance(value, bool):
+        raise ValueError("a number is needed, not true or false")
+    return value
+
+
+Real = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False)]
+Positive = Annotated[Real, Field(gt=0)]
+NonNegative = Annotated[Real, Field(ge=0)]
+Fraction = Annotated[Real, Field(ge=0, le=1)]
+Diagonal = tuple[Positive, Positive, Positive]
+Vector = tuple[Real, Real, Real]
+
+
+class Part(BaseModel):
+    """A section of a spec: unknown fields are errors, values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def spread(value: Any, count: int, place: str, what: str) -> list[Any]:
+    """Returns `value` as a list of `count`: itself if it is a list of that length, else repeated."""
+    if isinstance(value, list):
+        if len(value) != count:
+            raise ValueError(f"{place}: {len(value)} entries for {count} {what}")
+        return list(value)
+    return [value] * count
+
+
+class Chain(Part):
+    """N links in a row; link frames stand at the root end with x along the rod."""
+
+    links: Annotated[int, BeforeValidator(_number), Field(ge=1, le=MAX_LINKS)] = Field(
+        description="number of links"
+    )
+    length: Positive | list[Positive] = Field(description="m, per link")
+    mass: Positive | list[Positive] = Field(description="kg, per link, without modules")
+    radius: Positive | list[Positive] = Field(0.0125, description="m, of the rod")
+    wall: Positive | list[Positive] | None = Field(None, description="m; solid if absent")
+    com: Fraction | list[Fraction] = Field(0.5, description="centre of mass along the link, 0…1")
+    inertia: Diagonal | list[Diagonal] | None = Field(
+        None, description="kg m², Ixx Iyy Izz about the centre of mass; from rod and mass if absent"
+    )
+
+
+class Servo(Part):
+    """A position servo as the simulator sees it."""
+
+    stiffness: Positive = Field(200.0, description="N m/rad")
+    damping: NonNegative = Field(10.0, description="N m s/rad")
+    armature: NonNegative = Field(0.005, description="kg m², reflected rotor inertia")
+    friction: NonNegative = Field(0.0, description="N m, dry friction of the joint")
+
+
+class Joint(Part):
+    """What joins two links: one or two axes, with `gap` between the two."""
+
+    axes: list[Axis] | list[list[Axis]] = Field(
+        ["pitch", "yaw"], description="axes from root to tip; or a list of them per joint"
+    )
+    gap: NonNegative | list[NonNegative] = Field(0.0, description="m, first to second axis")
+    mass: Positive | list[Positive] = Field(0.1, description="kg, the cross of a two-axis joint")
+    inertia: Diagonal | list[Diagonal] | None = Field(None, description="kg m², of the cross")
+    lower: Real | list[Real] | None = Field(None, description="rad; -upper if absent")
+    upper: Real | list[Real] = Field(1.5707963267948966, description="rad")
+    effort: Positive | list[Positive] = Field(7.0, description="N m, servo limit")
+    velocity: Positive | list[Positive] = Field(1.0, description="rad/s, servo limit")
+    servo: Servo = Servo()
+
+    @field_validator("axes")
+    @classmethod
+    def _one_or_two(cls, axes: Any) -> Any:
+        nested = not axes or isinstance(axes[0], list)
+        for one in axes if nested else [axes]:
+            if len(one) not in (1, 2) or len(set(one)) != len(one):
+                raise ValueError(f"{one}: one axis, or two different ones, of roll, pitch, yaw")
+        return axes
+
+    def axes_of(self, count: int) -> list[list[str]]:
+        """Returns the axes of each of `count` joints."""
+        nested = not self.axes or isinstance(self.axes[0], list)
+        per_joint = self.axes if nested else [list(self.axes)] * count
+        return spread(list(per_joint), count, "joint.axes", "joints")
+
+
+class Place(Part):
+    """Where a module stands: link (from 1) and relative position on it."""
+
+    link: Annotated[int, BeforeValidator(_number), Field(ge=1)]
+    position: Fraction = 0.5
+
+
+_PLACE = re.compile(r"\s*(\d+)\s*(?:@\s*([0-9.eE+-]+)\s*)?")
+
+
+def place(item: Any) -> Any:
+    """Returns the `Place` fields of ``3``, ``"3@0.7"`` or a mapping; others pass through."""
+    if isinstance(item, int) and not isinstance(item, bool):
+        return {"link": item}
+    if isinstance(item, str):
+        match = _PLACE.fullmatch(item)
+        if not match:
+            raise ValueError(f"'{item}' is no place; write a link number, or link@position")
+        link, position = match.groups()
+        return {"link": int(link)} | ({"position": position} if position else {})
+    return item
+
+
+def _places(value: Any) -> Any:
+    if value == "all" or isinstance(value, (int, str)):
+        return value if value == "all" else [place(v) for v in str(value).split(",")]
+    return [place(v) for v in value] if isinstance(value, list) else value
+
+
+Places = Annotated[Literal["all"] | list[Place], BeforeValidator(_places)]
+
+
+def spell_out(at: Any, links: int, where: str) -> list[Place]:
+    """Returns the places of `at` ("all": the middle of every link); errors name the link."""
+    if at == "all":
+        return [Place(link=i + 1) for i in range(links)]
+    for p in at:
+        if p.link > links:
+            raise ValueError(f"{where}: link {p.link} does not exist; the chain has 1…{links}")
+    return list(at)
+
+
+class VectoringApparatus(Part):
+    """Rotors behind a roll and a pitch gimbal (ZN23 Fig 2B), on any subset of links."""
+
+    at: Places = Field("all", description='"all", or places: 1, "2@0.3", {link: 2, position: 0.8}')
+    rotors: Literal[1, 2] | list[Literal[1, 2]] = 2
+    separation: Positive | list[Positive] = Field(0.223, description="m, between the two rotors")
+    offset: Real | list[Real] = Field(0.037, description="m, pitch axis above the roll axis")
+    thrust_min: NonNegative | list[NonNegative] = Field(0.0, description="N a rotor")
+    thrust_max: Positive | list[Positive] = Field(16.0, description="N a rotor")
+    drag_ratio: NonNegative | list[NonNegative] = Field(0.0125, description="κ, m")
+    spin: Literal["alternating", "same"] | list[list[Literal[-1, 1]]] = Field(
+        "alternating", description="(+,−) on odd, (−,+) on even apparatuses; or a list for each"
+    )
+    roll_limit: Positive | list[Positive] = Field(3.14159265, description="rad, |φ|")
+    pitch_limit: Positive | list[Positive] = Field(3.14159265, description="rad, |θ|")
+    effort: Positive | list[Positive] = Field(3.0, description="N m, both gimbal servos")
+    velocity: Positive | list[Positive] = Field(12.5, description="rad/s, both gimbal servos")
+    servo: Servo = Servo(stiffness=20.0, damping=0.9, armature=0.005)
+    roll_mass: Positive | list[Positive] = Field(0.46, description="kg, module on the roll axis")
+    roll_inertia: Diagonal | list[Diagonal] | None = None
+    pitch_mass: Positive | list[Positive] = Field(0.53, description="kg, module with the rotors")
+    pitch_inertia: Diagonal | list[Diagonal] | None = None
+    rotor_diameter: Positive | list[Positive] = Field(0.07, description="m")
+    rotor_inertia: NonNegative | list[NonNegative] = Field(
+        1.5e-5, description="kg m², of one spinning rotor about its axis (assumed)"
+    )
+    rotor_speed: Positive | list[Positive] = Field(
+        3500.0, description="rad/s at thrust_max (assumed); speed grows as the root of thrust"
+    )
+    motor_lag: NonNegative | list[NonNegative] = Field(0.035, description="s, first order")
+
+    def spins(self, count: int) -> list[list[int]]:
+        """Returns the spin (±1) of each rotor of each of `count` apparatuses."""
+        rotors = spread(self.rotors, count, "vectoring_apparatus.rotors", "apparatuses")
+        if isinstance(self.spin, list):
+            spins = spread(self.spin, count, "vectoring_apparatus.spin", "apparatuses")
+            for j, (one, n) in enumerate(zip(spins, rotors, strict=True)):
+                if len(one) != n:
+                    raise ValueError(
+                        f"vectoring_apparatus.spin[{j}]: {len(one)} spins for {n} rotors"
+                    )
+            return [[int(s) for s in one] for one in spins]
+        flip = -1 if self.spin == "alternating" else 1
+        return [[flip**j, -(flip**j)][:n] for j, n in enumerate(rotors)]
+
+
+class Payload(Part):
+    """Lumps fixed to links: a sphere of `radius`, or a mesh whose inertia trimesh computes."""
+
+    at: Places
+    mass: Positive | list[Positive] = Field(description="kg each")
+    offset: Vector | list[Vector] = Field((0.0, 0.0, 0.0), description="m, from the link's axis")
+    radius: Positive | list[Positive] = Field(0.03, description="m")
+    mesh: str | None = Field(None, description="file beside the spec; replaces the sphere")
+    inertia: Diagonal | list[Diagonal] | None = None
+
+
+class GainSet(Part):
+    """Gains of eqs 15–19 (ZN23), per axis, and of eqs 23–28 for under-actuated models."""
+
+    force_p: Vector = (3.6, 3.6, 2.8)
+    force_i: Vector = (0.03, 0.03, 1.2)
+    force_d: Vector = (4.0, 4.0, 2.8)
+    torque_p: Vector = (15.0, 15.0, 10.0)
+    torque_i: Vector = (0.3, 0.3, 0.1)
+    torque_d: Vector = (5.0, 5.0, 5.0)
+    attitude_roll: Real = Field(1.0, description="k_φ")
+    attitude_pitch: Real = Field(0.0, description="k_θ")
+    vectoring_roll: Real | list[Real] = Field(1.0, description="k_φi, per apparatus")
+    vectoring_pitch: Real | list[Real] = Field(1.0, description="k_θi, per apparatus")
+
+
+class Control(Part):
+    """Which law flies the robot, with which gains."""
+
+    mode: Literal["virtual_single_rotor", "dual_rotor"] = "virtual_single_rotor"
+    axes: Literal["auto", "root", "middle"] = Field(
+        "auto", description="link whose axes the CoG frame has; auto: root up to 8 links"
+    )
+    attitude_rate: Positive = Field(200.0, description="Hz")
+    position_rate: Positive = Field(40.0, description="Hz")
+    sigma_min: NonNegative = Field(0.02, description="least scaled σ_min(J_w) that is flown")
+    gains: str = Field("paper", description="the gain set used unless asked otherwise")
+    gain_sets: dict[str, GainSet] = {"paper": GainSet()}
+
+    @model_validator(mode="after")
+    def _known(self) -> "Control":
+        if self.gains not in self.gain_sets:
+            raise ValueError(f"gains: '{self.gains}' is none of {list(self.gain_sets)}")
+        return self
+
+
+class Plant(Part):
+    """Imperfections of the simulated robot and its sensors; standard deviations."""
+
+    thrust_mismatch: NonNegative = Field(0.03, description="relative, per rotor, constant a run")
+    position_noise: NonNegative = Field(0.001, description="m, motion capture (ZN23: < 1 mm)")
+    attitude_bias: NonNegative = Field(0.00698, description="rad (0.4°; ZN23: IMU < 1°)")
+    attitude_noise: NonNegative = Field(0.00175, description="rad (0.1°, assumed)")
+    gyro_noise: NonNegative = Field(0.01, description="rad/s (assumed)")
+    velocity_noise: NonNegative = Field(0.01, description="m/s (assumed)")
+    joint_noise: NonNegative = Field(0.00175, description="rad (0.1°, assumed)")
+    delay: NonNegative = Field(0.0, description="s, from sensing to command")
+
+
+class RobotSpec(Part):
+    """One robot: a chain on a base, and what its links carry."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
+    about: str = Field("", description="one line for `snakegen presets`")
+    base: Literal["floating", "fixed"] = "floating"
+    chain: Chain
+    joint: Joint = Joint()
+    vectoring_apparatus: VectoringApparatus | None = None
+    payload: Payload | None = None
+    control: Control = Control()
+    plant: Plant = Plant()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "RobotSpec":
+        from snakegen.resolve import resolve
+
+        resolve(self)  # every list length, link number and inertia is checked where it is used
+        return self
+
+    def resolved(self) -> dict[str, Any]:
+        """Returns the spec as plain data with lists spelled out and inertias computed."""
+        from snakegen.resolve import resolve
+
+        return resolve(self)

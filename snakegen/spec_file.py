@@ -1,0 +1,185 @@
+"""Reading specs: presets, files and overrides, with errors that name the place and the remedy."""
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from snakegen import yaml_file
+from snakegen.errors import SpecError, near
+from snakegen.spec import RobotSpec
+
+
+def templates_folder() -> Path:
+    """Returns the folder of the templates: inside the wheel, or at the top of the repository."""
+    here = Path(__file__).parent
+    inside = here / "_templates"
+    return inside if inside.is_dir() else here.parent / "templates"
+
+
+def presets() -> dict[str, Path]:
+    """Returns the preset files by name."""
+    return {p.stem: p for p in sorted((templates_folder() / "presets").glob("*.yaml"))}
+
+
+def load_spec(
+    source: str | Path | RobotSpec | Mapping[str, Any],
+    *,
+    links: int | None = None,
+    apparatus: str | None = None,
+    overrides: Iterable[str] = (),
+) -> RobotSpec:
+    """Reads a preset name, a spec file, or plain data; then applies the overrides.
+
+    Args:
+        source: preset name, path, plain mapping, or a RobotSpec.
+        links: replaces ``chain.links``.
+        apparatus: replaces ``vectoring_apparatus.at``, e.g. ``"1,2,4@0.3"``.
+        overrides: ``path=value`` items, the value in YAML, e.g. ``"chain.length=0.3"``.
+
+    Raises:
+        SpecError: one line that says what, where, and what would have worked.
+    """
+    data, label = _raw(source)
+    if links is not None:
+        _put(data, ["chain", "links"], links)
+    if apparatus is not None:
+        _put(data, ["vectoring_apparatus", "at"], apparatus)
+    for item in overrides:
+        path, equals, text = item.partition("=")
+        if not equals or not path.strip():
+            raise SpecError(f"--set '{item}': write path=value, as in chain.length=0.3.")
+        value = yaml_file.parse(text, f"--set {path.strip()}")
+        _put(data, path.strip().split("."), value, label)
+    return validate(data, label)
+
+
+def validate(data: Any, label: str) -> RobotSpec:
+    """Returns the checked spec; raises SpecError with the first mistake, named by its path."""
+    if not isinstance(data, dict):
+        raise SpecError(f"{label}: a spec is a mapping with 'name' and 'chain'.")
+    try:
+        return RobotSpec.model_validate(data)
+    except ValidationError as error:
+        raise SpecError(_explain(error, data, label)) from None
+
+
+def schema() -> str:
+    """Returns the JSON Schema of a spec file, for editors."""
+    out = RobotSpec.model_json_schema()
+    out |= {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "snakegen robot"}
+    return json.dumps(out, indent=2, ensure_ascii=False)
+
+
+def save(spec: RobotSpec, path: Path) -> None:
+    """Writes `spec` as it was given (defaults left out) to a YAML file that loads back equal."""
+    from snakegen.files import write_atomically
+
+    data = spec.model_dump(mode="json", exclude_unset=True, exclude_none=True)
+    write_atomically(path, yaml_file.dump(data))
+
+
+def _raw(source: Any) -> tuple[dict[str, Any], str]:
+    if isinstance(source, RobotSpec):
+        return source.model_dump(mode="json", exclude_unset=True, exclude_none=True), source.name
+    if isinstance(source, Mapping):
+        return json.loads(json.dumps(dict(source))), str(source.get("name", "spec"))
+    known = presets()
+    if str(source) in known:
+        path = known[str(source)]
+    else:
+        path = Path(source)
+        if not path.is_file():
+            if path.suffix in (".yaml", ".yml") or path.parent != Path("."):
+                raise SpecError(f"{path}: no such file.")
+            raise SpecError(f"no preset and no file '{source}'.{near(str(source), known)}")
+    data = yaml_file.read(path)
+    if not isinstance(data, dict):
+        raise SpecError(f"{path.name}: a spec is a mapping with 'name' and 'chain'.")
+    return data, path.name
+
+
+def _put(data: dict[str, Any], path: list[str], value: Any, label: str = "spec") -> None:
+    """Sets data[path…] = value; numbers index lists (from 1)."""
+    at: Any = data
+    for depth, key in enumerate(path[:-1]):
+        if isinstance(at, list):
+            at = at[_index(at, path, depth, label)]
+        else:
+            if not isinstance(at.get(key), dict | list):
+                at[key] = {}
+            at = at[key]
+        if not isinstance(at, dict | list):
+            raise SpecError(f"{label}: '{'.'.join(path[: depth + 1])}' has no parts to set.")
+    if isinstance(at, list):
+        at[_index(at, path, len(path) - 1, label)] = value
+    else:
+        at[path[-1]] = value
+
+
+def _index(at: list[Any], path: list[str], depth: int, label: str) -> int:
+    here = ".".join(path[:depth])
+    if not path[depth].isdigit() or not 1 <= int(path[depth]) <= len(at):
+        raise SpecError(f"{label}: '{here}' is a list; write {here}.1 … {here}.{len(at)}.")
+    return int(path[depth]) - 1
+
+
+def _fields_at(path: tuple[Any, ...]) -> list[str]:
+    """Returns the field names of the section that a pydantic error path points into."""
+    model: Any = RobotSpec
+    for key in path:
+        field = getattr(model, "model_fields", {}).get(key)
+        if field is None:
+            continue
+        for part in getattr(field.annotation, "__args__", (field.annotation,)):
+            if isinstance(part, type) and issubclass(part, BaseModel):
+                model = part
+    return list(model.model_fields)
+
+
+def _is_field(key: Any) -> bool:
+    """Tells real path parts from pydantic's names for the branches of a union."""
+    return isinstance(key, int) or key.isidentifier() and key not in ("float", "int", "list")
+
+
+def _explain(error: ValidationError, data: dict[str, Any], label: str) -> str:
+    """Returns one line for the most telling of pydantic's errors."""
+    errors = error.errors()
+    unknown = [e for e in errors if e["type"] == "extra_forbidden"]
+    first = unknown[0] if unknown else max(errors, key=lambda e: len(_real_path(e["loc"], data)))
+    loc = _real_path(first["loc"], data)
+    path = "".join(f"[{k + 1}]" if isinstance(k, int) else f".{k}" for k in loc).lstrip(".")
+    if first["type"] == "extra_forbidden":
+        names = _fields_at(loc[:-1])
+        prefix = path.rpartition(".")[0]
+        full = [f"{prefix}.{n}" if prefix else n for n in names]
+        return f"{label} has no field '{path}'.{near(path, full)}"
+    if first["type"] == "missing":
+        return f"{label}: '{path}' is needed."
+    message = first["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
+    message = message[0].lower() + message[1:] if first["type"] != "value_error" else message
+    if first["type"] == "value_error":
+        same = message.startswith(path) or not path
+        return f"{label}: {message}." if same else f"{label}: '{path}': {message}."
+    given = first["input"]
+    shown = "" if isinstance(given, dict) else f" (got {given!r})"
+    return f"{label}: '{path}': {message}{shown}."
+
+
+def _real_path(loc: tuple[Any, ...], data: Any) -> tuple[Any, ...]:
+    """Keeps those parts of a pydantic path that index the data; drops union branch names."""
+    out: list[Any] = []
+    at = data
+    for position, key in enumerate(loc):
+        if isinstance(at, dict) and isinstance(key, str) and key in at:
+            at = at[key]
+        elif isinstance(at, list) and isinstance(key, int) and key < len(at):
+            at = at[key]
+        elif position == len(loc) - 1 and isinstance(at, dict) and _is_field(key):
+            at = None
+        else:
+            continue
+        out.append(key)
+    return tuple(out)

@@ -1,0 +1,102 @@
+"""Plain YAML only: no tags, no anchors, no repeated keys, no text that xacro would run."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from snakegen.errors import SpecError
+
+_EXECUTABLE = ("${", "$(")
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """YAML of the plain types; everything that could surprise is refused with its line."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.peek_event()
+        tag, anchor = getattr(event, "tag", None), getattr(event, "anchor", None)
+        line = event.start_mark.line + 1
+        if isinstance(event, yaml.AliasEvent) or anchor is not None:
+            raise SpecError(f"line {line}: anchors and aliases (& and *) are not allowed here.")
+        if tag is not None:
+            raise SpecError(f"line {line}: the YAML tag '{tag}' is not allowed; use plain values.")
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        seen: set[Any] = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, str):
+                raise SpecError(f"line {key_node.start_mark.line + 1}: key {key!r} is not a name.")
+            if key in seen:
+                raise SpecError(f"line {key_node.start_mark.line + 1}: '{key}' stands twice.")
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """Writes what `_PlainLoader` reads: no aliases; lists of scalars on one line."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _refuse_executable(value: Any, place: str) -> None:
+    """Raises SpecError where any string in `value` holds text that xacro would evaluate."""
+    if isinstance(value, str):
+        for mark in _EXECUTABLE:
+            if mark in value:
+                where = f" in '{place}'" if place else ""
+                raise SpecError(f"'{mark}'{where} is not allowed: a spec is data, not code.")
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            _refuse_executable(key, place)
+            _refuse_executable(item, f"{place}.{key}" if place else str(key))
+    elif isinstance(value, list):
+        for i, item in enumerate(value):
+            _refuse_executable(item, f"{place}[{i}]")
+
+
+def parse(text: str, source: str) -> Any:
+    """Returns the plain value of YAML `text`; `source` names it in errors.
+
+    Raises:
+        SpecError: not YAML, or a tag, anchor, repeated key, or text that xacro would evaluate.
+    """
+    try:
+        value = yaml.load(text, Loader=_PlainLoader)
+        _refuse_executable(value, "")
+    except SpecError as error:
+        raise SpecError(f"{source}: {error}") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f", line {mark.line + 1}" if mark else ""
+        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        raise SpecError(f"{source}{where}: not YAML ({problem}).") from None
+    except RecursionError:
+        raise SpecError(f"{source}: nested too deeply.") from None
+    return value
+
+
+def read(path: Path) -> Any:
+    """Returns the plain value of a YAML file; raises SpecError where it cannot be read."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise SpecError(f"{path}: no such file.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SpecError(f"{path}: cannot be read as UTF-8 text ({error}).") from None
+    return parse(text, path.name)
+
+
+def dump(value: Any) -> str:
+    """Returns block YAML of plain values, lists of scalars on one line, keys in given order."""
+    return yaml.dump(
+        value,
+        Dumper=_PlainDumper,
+        sort_keys=False,
+        default_flow_style=None,
+        width=100,
+        allow_unicode=True,
+    )
