@@ -9,13 +9,13 @@ __version__ = "0.1.0"
 __all__ = ["Robot", "RobotSpec", "SnakegenError", "build", "load"]
 
 if TYPE_CHECKING:
-    from snakegen.description.build import build
+    from snakegen.generate import build
     from snakegen.errors import SnakegenError
     from snakegen.robot import Robot, load
     from snakegen.spec import RobotSpec
 
 _HOME = {
-    "build": "snakegen.description.build",
+    "build": "snakegen.generate",
     "load": "snakegen.robot",
     "Robot": "snakegen.robot",
     "RobotSpec": "snakegen.spec",

@@ -1,0 +1,240 @@
+"""Contact that rolls: what MuJoCo needs beyond the URDF for screw drums, their wheels and casters.
+
+Decorates an MjSpec that has bodies `link{i}`, `screw{i}` (a hinge of that name turning about the
+link's x), wheels `wheel{i}_{b}_{k}` (free hinges) and `caster{j}`. Only this file knows friction,
+solver settings and contact masks of a drive; HA itself has no contact model.
+"""
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from snakegen.errors import DescriptionError
+from snakegen.wheel_layout import WheelLayout, wheel_layout
+
+GROUND_BIT = 2  # contact bit of floors, ceilings and steps: rollers meet these and nothing else
+
+
+@dataclass(frozen=True)
+class ScrewContact:
+    """How the drums of a drive touch the ground; values are HA's or assumed (parameters.md)."""
+
+    alpha: tuple[float, ...]
+    radius: float = 0.075
+    blades: int = 8
+    wheels_per_blade: int = 4
+    rollers: str = "ring_sphere"
+    wheel_radius: float = 0.012
+    friction: float = 0.8
+    screw_gain: float = 20.0  # N·m per rad/s of the screw's velocity servo
+    screw_torque: float = 10.0  # N·m
+
+    def layout(self, unit: int) -> WheelLayout:
+        """Returns the wheels of unit `unit`, counted from 0."""
+        return wheel_layout(
+            self.alpha[unit],
+            self.radius,
+            self.blades,
+            self.wheels_per_blade,
+            self.rollers,
+            self.wheel_radius,
+        )
+
+
+def set_options(spec: mujoco.MjSpec, timestep: float = 0.002) -> None:
+    """Sets the integrator and solver under which rolling contact neither creeps nor chatters."""
+    option = spec.option
+    option.timestep = timestep
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    option.impratio = 20.0
+    option.iterations = 30
+
+
+def _body(spec: mujoco.MjSpec, name: str) -> mujoco.MjsBody:
+    """Returns the body of that name, else raises."""
+    body = spec.body(name)
+    if body is None:
+        raise DescriptionError(f"the model has no body '{name}', which a screw drive needs.")
+    return body
+
+
+def _roller(geom: mujoco.MjsGeom, contact: ScrewContact) -> None:
+    """Gives a geom the friction and masks of a roller: it touches the ground and nothing else."""
+    geom.contype, geom.conaffinity = 0, GROUND_BIT
+    geom.condim = 3
+    geom.friction = [contact.friction, 0.0, 0.0]
+    geom.priority = 1
+    # A tyre: at five time steps the load passes from wheel to wheel without lifting a unit off;
+    # at two, the mean twist error over fifteen shapes and twists rises from 0.3 to 1.4 %.
+    geom.solref = [0.01, 1.0]
+    geom.solimp = [0.9, 0.95, 0.001, 0.5, 2.0]
+    geom.mass = 0.0
+    geom.group = 0
+
+
+def _wheels(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
+    """Replaces the collision shapes of one unit's wheels by those of the contact model."""
+    layout = contact.layout(unit)
+    kind, size = {
+        "ring_sphere": (mujoco.mjtGeom.mjGEOM_SPHERE, [layout.radius, 0, 0]),
+        "helix_capsule": (mujoco.mjtGeom.mjGEOM_CAPSULE, [layout.radius, layout.half_length, 0]),
+        "ellipsoid": (
+            mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+            [layout.radius, layout.radius, layout.half_length],
+        ),
+    }[contact.rollers]
+    for blade, wheel in zip(layout.blade, layout.wheel, strict=True):
+        body = _body(spec, f"wheel{unit + 1}_{blade}_{wheel}")
+        for geom in list(body.geoms):
+            spec.delete(geom)
+        _roller(body.add_geom(name=f"{body.name}_contact", type=kind, size=size), contact)
+
+
+def _ball(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
+    """Turns a drum into one ball: its joint and wheels go, a ball joint and a sphere come."""
+    drum = _body(spec, f"screw{unit + 1}")
+    for child in list(drum.bodies):
+        spec.delete(child)
+    for element in [*drum.joints, *drum.geoms]:
+        spec.delete(element)
+    drum.add_joint(name=drum.name, type=mujoco.mjtJoint.mjJNT_BALL)
+    sphere = mujoco.mjtGeom.mjGEOM_SPHERE
+    _roller(
+        drum.add_geom(name=f"{drum.name}_contact", type=sphere, size=[contact.radius, 0, 0]),
+        contact,
+    )
+
+
+def _screw_servo(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
+    """Adds the velocity servo of a screw; its command is θ̇ whatever the rollers are.
+
+    A ball of radius r rolls along the axle of eq 3 at ``-r θ̇ sin α`` where its spin obeys
+    ``ω · [-sin α, cos α, 0] = -θ̇ sin α``; so θ̇ is read off it with the gear [1, -cot α, 0].
+    """
+    name = f"screw{unit + 1}"
+    servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    if contact.rollers == "ball":
+        servo.trntype = mujoco.mjtTrn.mjTRN_JOINTINPARENT
+        servo.gear = [1.0, -1.0 / math.tan(contact.alpha[unit]), 0, 0, 0, 0]
+    servo.set_to_velocity(kv=contact.screw_gain)
+    servo.forcerange = [-contact.screw_torque, contact.screw_torque]
+    servo.forcelimited = True
+
+
+def decorate_screws(spec: mujoco.MjSpec, contact: ScrewContact) -> None:
+    """Makes the drums of an imported MjSpec roll; units are numbered along the chain from 1.
+
+    Every geom of the world gets GROUND_BIT. Raises DescriptionError on a missing body or joint.
+    """
+    for unit in range(len(contact.alpha)):
+        if contact.rollers == "ball":
+            _ball(spec, unit, contact)
+        else:
+            _wheels(spec, unit, contact)
+        _screw_servo(spec, unit, contact)
+    for geom in spec.worldbody.geoms:
+        geom.contype = geom.contype | GROUND_BIT
+
+
+def decorate_caster(spec: mujoco.MjSpec, name: str, track: float, wheel_radius: float) -> None:
+    """Gives caster body `name` two frictionless balls at y = ±track/2 that touch z = 0 of its frame.
+
+    Two, for a robot that is straight stands on a line: they carry the drums' reaction moment.
+    """
+    body = _body(spec, name)
+    for geom in list(body.geoms):
+        spec.delete(geom)
+    for side in (1, -1):
+        geom = body.add_geom(
+            name=f"{name}_contact{1 if side > 0 else 2}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[wheel_radius, 0, 0],
+            pos=[0, side * track / 2, wheel_radius],
+        )
+        geom.contype, geom.conaffinity = 0, GROUND_BIT
+        geom.condim, geom.priority, geom.mass = 1, 2, 0.0
+        geom.solref = [0.004, 1.0]
+
+
+@dataclass(frozen=True)
+class BareChain:
+    """A chain without a URDF: just enough body for the contact model to be tried alone."""
+
+    contact: ScrewContact
+    L0: float = 0.0
+    L1: float = 0.103
+    L2: float = 0.123
+    mass: float = 8.0
+    joint_stiffness: float = 300.0  # N·m/rad
+    joint_damping: float = 6.0  # N·m·s/rad
+    joint_torque: float = 30.0  # N·m
+    track: float = 0.12  # m between the caster's balls
+
+
+def _unit(chain: BareChain, parent: mujoco.MjsBody, unit: int) -> mujoco.MjsBody:
+    """Adds link `unit` (from 0) with its joints, drum and wheels to `parent`; returns the link."""
+    contact, n = chain.contact, len(chain.contact.alpha)
+    share = chain.mass / n
+    first = unit == 0
+    position = [0, 0, contact.radius] if first else [chain.L1 + chain.L2, 0, 0]
+    link = parent.add_body(name=f"link{unit + 1}", pos=position)
+    if first:
+        link.add_freejoint(name="root")
+    else:
+        link.add_joint(name=f"joint{unit}_pitch", axis=[0, 1, 0], armature=0.02)
+        link.add_joint(name=f"joint{unit}_yaw", axis=[0, 0, 1], armature=0.02)
+    _inertia(link, 0.55 * share, [chain.L1, 0, 0], [0.001, 0.005, 0.005])
+    drum = link.add_body(name=f"screw{unit + 1}", pos=[chain.L1, 0, 0])
+    drum.add_joint(name=drum.name, axis=[1, 0, 0], armature=0.005)
+    _inertia(drum, 0.35 * share, [0, 0, 0], [0.0015, 0.0015, 0.0015])
+    layout = contact.layout(unit)
+    for k in range(len(layout.blade)):
+        wheel = drum.add_body(
+            name=f"wheel{unit + 1}_{layout.blade[k]}_{layout.wheel[k]}",
+            pos=layout.position[k],
+            quat=_quaternion(layout.rotation[k]),
+        )
+        wheel.add_joint(name=wheel.name, axis=[0, 0, 1], armature=1e-6)
+        mass = 0.1 * share / len(layout.blade)
+        _inertia(wheel, mass, [0, 0, 0], [0.4 * mass * contact.wheel_radius**2] * 3)
+    return link
+
+
+def _inertia(body: mujoco.MjsBody, mass: float, com: list[float], moments: list[float]) -> None:
+    """Writes an explicit inertia."""
+    body.mass, body.ipos, body.inertia, body.explicitinertial = mass, com, moments, True
+
+
+def _quaternion(rotation: np.ndarray) -> np.ndarray:
+    """Returns MuJoCo's w, x, y, z of a rotation matrix."""
+    out = np.empty(4)
+    mujoco.mju_mat2Quat(out, np.ascontiguousarray(rotation).ravel())
+    return out
+
+
+def screw_mjcf(chain: BareChain, timestep: float = 0.002) -> mujoco.MjSpec:
+    """Returns a complete drive on flat ground: bare chain, contact, servos, caster, floor."""
+    spec = mujoco.MjSpec()
+    set_options(spec, timestep)
+    spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1])
+    parent = spec.worldbody
+    for unit in range(len(chain.contact.alpha)):
+        parent = _unit(chain, parent, unit)
+        if unit == 0:
+            caster = parent.add_body(name="caster1", pos=[-chain.L0, 0, -chain.contact.radius])
+            _inertia(caster, 0.05, [0, 0, 0.01], [1e-5, 1e-5, 1e-5])
+            parent.add_site(name="control_point", pos=[-chain.L0, 0, 0])
+    decorate_screws(spec, chain.contact)
+    decorate_caster(spec, "caster1", chain.track, 0.012)
+    for unit in range(1, len(chain.contact.alpha)):
+        for axis in ("pitch", "yaw"):
+            name = f"joint{unit}_{axis}"
+            servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+            servo.set_to_position(kp=chain.joint_stiffness, kv=chain.joint_damping)
+            servo.forcerange = [-chain.joint_torque, chain.joint_torque]
+            servo.forcelimited = True
+    return spec

@@ -1,0 +1,49 @@
+"""URDF from a resolved spec: runs the xacro templates, and replaces xacro's banner.
+
+The text after the four banner lines is what stock xacro gives for the same spec file.
+"""
+
+import importlib
+import re
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from snakegen import yaml_file
+from snakegen.errors import DescriptionError
+from snakegen.spec_file import load_spec, templates_folder
+
+_BANNER = re.compile(r"(?:<!-- (?:=+|\|.*?\|) -->\n){4}")
+_OURS = "<!-- Made by snakegen from {spec}; stock xacro gives the same from templates/. -->\n"
+
+
+def expand(spec_path: Path, mesh_prefix: str = "meshes/") -> str:
+    """Returns the URDF text of the resolved spec at `spec_path`.
+
+    Args:
+        spec_path: a file that `RobotSpec.resolved` made: nothing in it is left to evaluate.
+        mesh_prefix: what stands before every mesh's file name.
+
+    Raises:
+        DescriptionError: the templates do not expand, with xacro's own sentence.
+    """
+    import xacro
+
+    template = templates_folder() / "snake.urdf.xacro"
+    mappings = {"spec": str(spec_path), "mesh_prefix": mesh_prefix}
+    try:
+        document = xacro.process_file(str(template), mappings=mappings)
+    except Exception as error:
+        importlib.reload(xacro)  # a failure leaves xacro's module state half-way
+        raise DescriptionError(f"{spec_path.name}: the templates do not expand: {error}") from error
+    text = document.toprettyxml(indent="  ")
+    return _BANNER.sub(_OURS.format(spec=spec_path.name), text, count=1)
+
+
+def urdf_text(source: Any) -> str:
+    """Returns the URDF text of a preset name, spec file or RobotSpec, without writing files."""
+    spec = load_spec(source)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{spec.name}.spec.yaml"
+        path.write_text(yaml_file.dump(spec.resolved()), encoding="utf-8")
+        return expand(path)

@@ -1,0 +1,217 @@
+"""The gate of every build: MuJoCo and Pinocchio must agree on the model, state by state.
+
+Compared over random states: mass, centre of mass, body frames, mass matrix, bias forces. Error is
+``|a - b| / max(|a|, |b|, largest entry of that quantity)``.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from snakegen.geometry import Floats, skew, wxyz_from_xyzw
+from snakegen.robot import GRAVITY, Robot
+
+BOUND = 1e-9
+_PINOCCHIO_UP_TO = 200  # degrees of freedom: beyond, pin.Data's memory (nv³) is out of reach
+
+
+@dataclass(frozen=True)
+class Equivalence:
+    """Worst relative errors over `states` random states; `oracle` is what MuJoCo met."""
+
+    states: int
+    oracle: str
+    mass: float
+    centre_of_mass: float
+    frames: float
+    mass_matrix: float
+    bias: float
+
+    @property
+    def worst(self) -> float:
+        """The largest of the five errors."""
+        return max(self.mass, self.centre_of_mass, self.frames, self.mass_matrix, self.bias)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every error is below 1e-9."""
+        return bool(self.worst <= BOUND)
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data for a program."""
+        return asdict(self) | {"worst": self.worst, "passed": self.passed}
+
+
+def compare(robot: Robot, model: mujoco.MjModel, *, states: int = 5, seed: int = 0) -> Equivalence:
+    """Runs random states through both descriptions of `robot`.
+
+    Args:
+        robot: read from the URDF.
+        model: the compiled MJCF, without scenery.
+        states: how many random states.
+        seed: of the states.
+    """
+    rng = np.random.default_rng(seed)
+    mapping = _StateMap(robot, model)
+    data = mujoco.MjData(model)
+    oracle = _Pinocchio(robot) if robot.model.nv <= _PINOCCHIO_UP_TO else _Own(robot)
+    worst = np.zeros(5)
+    for _ in range(states):
+        q, v = mapping.random(rng)
+        ours = oracle.evaluate(q, v)
+        theirs = mapping.evaluate(data, q, v)
+        errors = [_error(a, b) for a, b in zip(ours, theirs, strict=True)]
+        worst = np.maximum(worst, errors)
+    return Equivalence(states, oracle.name, *(float(w) for w in worst))
+
+
+Quantities = tuple[Floats, Floats, Floats, Floats, Floats]
+
+
+def _error(a: Floats, b: Floats) -> float:
+    scale = max(float(np.abs(a).max(initial=0.0)), float(np.abs(b).max(initial=0.0)))
+    gap = float(np.abs(a - b).max(initial=0.0))
+    if not np.isfinite(gap):
+        return float("inf")
+    return gap / scale if scale > 0 else 0.0
+
+
+def _link_names(robot: Robot) -> list[str]:
+    return [f.name for f in robot.model.frames if f.type == pin.FrameType.BODY]
+
+
+class _StateMap:
+    """Maps Pinocchio's q, v to MuJoCo's and MuJoCo's matrices back.
+
+    ``v_mj = T v_pin``: base linear velocity turns from base axes to the world's, joints permute.
+    """
+
+    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
+        self.robot, self.model = robot, model
+        names = robot.joint_names
+        ids = [model.joint(n).id for n in names]
+        self.qadr = model.jnt_qposadr[ids]
+        self.dof = np.array(model.jnt_dofadr[ids], int)
+        pins = [robot.model.joints[robot.model.getJointId(n)] for n in names]
+        self.pin_q = np.array([j.idx_q for j in pins], int)
+        self.pin_v = np.array([j.idx_v for j in pins], int)
+        self.links = [model.body(n).id for n in _link_names(robot)]
+
+    def random(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Returns a random configuration and velocity in Pinocchio's order."""
+        model = self.robot.model
+        q = pin.neutral(model)
+        if self.robot.floating:
+            q[:3] = rng.uniform(-1, 1, 3)
+            quaternion = rng.normal(size=4)
+            q[3:7] = quaternion / np.linalg.norm(quaternion)
+        low, high, _ = self.robot.limits(self.robot.joint_names)
+        angles = rng.uniform(np.maximum(low, -np.pi), np.minimum(high, np.pi))
+        for name, angle in zip(self.robot.joint_names, angles, strict=True):
+            joint = model.joints[model.getJointId(name)]
+            turn = (np.cos(angle), np.sin(angle))
+            q[joint.idx_q : joint.idx_q + joint.nq] = turn if joint.nq == 2 else angle
+        return q, rng.normal(size=model.nv)
+
+    def evaluate(self, data: mujoco.MjData, q: Floats, v: Floats) -> Quantities:
+        """Returns mass, CoM, frames, mass matrix and bias as MuJoCo has them, in v_pin's terms."""
+        model, floating = self.model, self.robot.floating
+        base = np.eye(3)
+        if floating:
+            base, _ = self.robot.base_pose(q)
+            data.qpos[:3], data.qpos[3:7] = q[:3], wxyz_from_xyzw(q[3:7])
+            data.qvel[:3], data.qvel[3:6] = base @ v[:3], v[3:6]
+        data.qpos[self.qadr] = self.robot.angles(q)
+        data.qvel[self.dof] = v[self.pin_v]
+        mujoco.mj_forward(model, data)
+        full = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, full)
+        order = np.arange(model.nv)
+        order[self.pin_v] = self.dof
+        mass_matrix, bias = full[np.ix_(order, order)], data.qfrc_bias[order]
+        if floating:
+            turned = base @ skew(v[3:6]) @ v[:3]  # T' v
+            bias = bias + mass_matrix[:, :3] @ turned
+            mass_matrix[:, :3] = mass_matrix[:, :3] @ base
+            mass_matrix[:3] = base.T @ mass_matrix[:3]
+            bias[:3] = base.T @ bias[:3]
+        moving = _moving_bodies(model)
+        mass = model.body_mass[moving]
+        centre = mass @ data.xipos[moving] / mass.sum()
+        frames = np.hstack([data.xpos[self.links], data.xmat[self.links]])
+        return np.array([mass.sum()]), centre, frames, mass_matrix, bias
+
+
+def _moving_bodies(model: mujoco.MjModel) -> Any:
+    """Returns the bodies that are not welded to the world: Pinocchio drops a fixed root's mass."""
+    return np.flatnonzero(model.body_weldid != 0)
+
+
+class _Pinocchio:
+    name = "Pinocchio"
+
+    def __init__(self, robot: Robot) -> None:
+        self.model, self.data = robot.model, robot.model.createData()
+        self.frames = [robot.model.getFrameId(n, pin.FrameType.BODY) for n in _link_names(robot)]
+
+    def evaluate(self, q: Floats, v: Floats) -> Quantities:
+        model, data = self.model, self.data
+        upper = np.triu(pin.crba(model, data, q))
+        mass_matrix = upper + np.triu(upper, 1).T
+        bias = np.array(pin.nle(model, data, q, v))
+        centre = np.array(pin.centerOfMass(model, data, q))
+        pin.framesForwardKinematics(model, data, q)
+        poses = [data.oMf[f] for f in self.frames]
+        frames = np.array([[*p.translation, *p.rotation.ravel()] for p in poses])
+        return np.array([pin.computeTotalMass(model)]), centre, frames, mass_matrix, bias
+
+
+class _Own:
+    """snakegen's own kinematics and RNEA, which the tests hold against Pinocchio."""
+
+    name = "snakegen kernels"
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.places = [robot.body_of_link(n) for n in _link_names(robot)]
+
+    def evaluate(self, q: Floats, v: Floats) -> Quantities:
+        from snakegen.kernels.chain import forward, mass_properties
+
+        robot, tree = self.robot, self.robot.tree
+        base, origin = robot.base_pose(q)
+        rotation, position = forward(tree, base, origin, robot.angles(q))
+        mass, centre, _ = mass_properties(tree, rotation, position)
+        frames = np.array(
+            [
+                [*(position[b] + rotation[b] @ p), *(rotation[b] @ r).ravel()]
+                for b, r, p in self.places
+            ]
+        )
+        still, unit = np.zeros_like(v), np.eye(v.size)
+        columns = [self._torque(q, still, unit[k], 0.0) for k in range(v.size)]
+        bias = self._torque(q, v, still, GRAVITY)
+        return np.array([mass]), centre, frames, np.array(columns).T, bias
+
+    def _torque(self, q: Floats, v: Floats, a: Floats, gravity: float) -> Floats:
+        from snakegen.kernels.dynamics import DEPTHS, torque_terms
+
+        robot = self.robot
+        skip = 0 if robot.floating else 6
+        base, _ = robot.base_pose(q)
+        count = robot.tree.parent.size
+        terms = torque_terms(
+            robot.tree,
+            robot.model.armature[6 - skip :].copy(),
+            np.arange(count),
+            np.array([0.0, 0.0, -gravity]),
+            base,
+            robot.angles(q),
+            np.concatenate([np.zeros(skip), v]),
+            np.concatenate([np.zeros(skip), a]),
+            np.zeros((count, 6)),
+        )
+        return np.asarray(terms[list(DEPTHS["full"])].sum(axis=0)[skip:])

@@ -1,0 +1,144 @@
+"""`build`: from a spec to a folder with URDF, MJCF, scene, meshes, picture and the proof.
+
+The folder changes whole or not at all: everything is made beside it and renamed.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from snakegen import yaml_file
+from snakegen.errors import DescriptionError, SnakegenError
+from snakegen.files import folder_whole
+from snakegen.spec import RobotSpec
+from snakegen.spec_file import load_spec
+
+
+class GateError(SnakegenError):
+    """URDF and MJCF disagree: the build's proof failed."""
+
+
+@dataclass(frozen=True)
+class Build:
+    """What a build wrote.
+
+    Attributes:
+        urdf: the URDF, the only truth.
+        mjcf: the MJCF derived from it.
+        scene: the MJCF on a floor.
+        spec: the resolved spec.
+        picture: a rendered PNG, None if not asked for.
+        picture_note: why the picture is a drawing and not a rendering, empty if it is one.
+        equivalence: the gate's figures.
+        warnings: of the lint.
+    """
+
+    urdf: Path
+    mjcf: Path
+    scene: Path
+    spec: Path
+    picture: Path | None
+    picture_note: str
+    equivalence: Any
+    warnings: tuple[str, ...]
+
+
+def build(
+    source: str | Path | RobotSpec,
+    out_dir: str | Path | None = None,
+    *,
+    picture: bool = True,
+    mesh_uri: str = "relative",
+) -> Build:
+    """Builds a robot into `out_dir` (default ``generated/<name>`` under the current folder).
+
+    Args:
+        source: preset name, spec file, or RobotSpec.
+        out_dir: the folder to fill; files that a build does not make stay in it.
+        picture: also render ``<name>.png``.
+        mesh_uri: ``relative``, or ``package`` for ``package://<name>/meshes/…`` in the URDF.
+
+    Raises:
+        GateError: MuJoCo and Pinocchio disagree by more than 1e-9.
+        SnakegenError: a mistake in the spec, or a folder that cannot be written.
+    """
+    from snakegen.description import lint, meshes
+
+    spec = load_spec(source)
+    target = Path(out_dir) if out_dir is not None else Path("generated") / spec.name
+    with folder_whole(target) as folder:
+        spec_path = folder / f"{spec.name}.spec.yaml"
+        spec_path.write_text(yaml_file.dump(spec.resolved()), encoding="utf-8")
+        urdf_path, text = _write_urdf(spec_path, spec.name, mesh_uri)
+        made = meshes.write_meshes(folder / "meshes", _needed(meshes.unit_meshes(), text))
+        found = lint.lint(text, folder=folder)
+        lint.check(text, folder=folder)
+        equivalence = _write_mjcf(folder, spec.name, text, made)
+        png, note = (None, "")
+        if picture:
+            png = folder / f"{spec.name}.png"
+            note = _write_picture(folder, spec.name, png)
+    return Build(
+        target / urdf_path.name,
+        target / f"{spec.name}.xml",
+        target / "scene.xml",
+        target / spec_path.name,
+        target / png.name if png else None,
+        note,
+        equivalence,
+        tuple(str(f) for f in found if f.severity == "warning"),
+    )
+
+
+def _write_urdf(spec_path: Path, name: str, mesh_uri: str) -> tuple[Path, str]:
+    """Writes the URDF; returns its path and the text with relative mesh paths."""
+    from snakegen.description.urdf import expand
+
+    path = spec_path.with_name(f"{name}.urdf")
+    text = expand(spec_path)
+    if mesh_uri == "package":
+        path.write_text(expand(spec_path, f"package://{name}/meshes/"), encoding="utf-8")
+    elif mesh_uri == "relative":
+        path.write_text(text, encoding="utf-8")
+    else:
+        raise DescriptionError(f"mesh_uri '{mesh_uri}' is not known; 'relative' or 'package'.")
+    return path, text
+
+
+def _needed(all_meshes: dict[str, Any], text: str) -> dict[str, Any]:
+    return {name: mesh for name, mesh in all_meshes.items() if f"/{name}.stl" in text}
+
+
+def _write_mjcf(folder: Path, name: str, text: str, made: dict[str, Path]) -> Any:
+    """Writes MJCF and scene, and proves that MuJoCo and Pinocchio agree; returns the figures."""
+    import mujoco
+
+    from snakegen.description.mjcf import decorate, scene
+    from snakegen.description.mjcf_files import load_model, write
+    from snakegen.equivalence import BOUND, compare
+    from snakegen.robot import from_urdf_text
+
+    robot = from_urdf_text(text, None)
+    assets = {f"meshes/{n}.stl": p.read_bytes() for n, p in made.items()}
+    path = folder / f"{name}.xml"
+    write(decorate(text, robot.modules, assets), path)
+    (folder / "scene.xml").write_text(scene(path.name, name), encoding="utf-8")
+    try:
+        model = load_model(path)
+        load_model(folder / "scene.xml")
+    except (ValueError, mujoco.FatalError) as error:
+        raise DescriptionError(f"{path.name}: MuJoCo cannot load it ({error}).") from None
+    result = compare(robot, model)
+    if not result.passed:
+        raise GateError(
+            f"{name}: URDF and MJCF disagree by {result.worst:.2e}, more than {BOUND:g} "
+            f"({result.to_json()})."
+        )
+    return result
+
+
+def _write_picture(folder: Path, name: str, png: Path) -> str:
+    """Renders the robot, or draws it where no GL is to be had; returns the note for the latter."""
+    from snakegen.picture import robot_picture
+
+    return robot_picture(folder / f"{name}.urdf", folder / "scene.xml", png)

@@ -1,0 +1,100 @@
+"""What goes into and comes out of one control tick, as named tuples of plain arrays."""
+
+from typing import NamedTuple
+
+from snakegen.kernels.tree import Floats, Ints
+
+VIRTUAL, DUAL = 1, 0  # modes: virtual single rotor (fully actuated), dual rotor (under-actuated)
+FLOWN, REFUSED = 0, 1  # status of a tick: REFUSED when σ_min is below the law's threshold
+
+
+class Measured(NamedTuple):
+    """What the sensors say; world axes."""
+
+    rotation: Floats  # (3, 3) attitude of body 0
+    position: Floats  # (3,) m, origin of body 0
+    linear: Floats  # (3,) m/s, velocity of that origin
+    angular: Floats  # (3,) rad/s, of body 0
+    angles: Floats  # (n-1,) rad, every joint of the tree, gimbals included
+    rates: Floats  # (n-1,) rad/s
+
+
+class Target(NamedTuple):
+    """Where the CoG and the CoG frame should be."""
+
+    position: Floats  # (3,) m, world
+    velocity: Floats  # (3,) m/s, world
+    acceleration: Floats  # (3,) m/s², world, fed forward
+    rotation: Floats  # (3, 3) attitude of the CoG frame
+    angular: Floats  # (3,) rad/s, in the axes of `rotation`
+
+
+class Law(NamedTuple):
+    """The constants of a controller: gains of eqs 15-28, limits, options."""
+
+    force_p: Floats  # (3,) 1/s², world axes
+    force_i: Floats  # (3,) 1/s³
+    force_d: Floats  # (3,) 1/s
+    torque_p: Floats  # (3,) 1/s², CoG axes
+    torque_i: Floats  # (3,) 1/s³
+    torque_d: Floats  # (3,) 1/s
+    force_integral_limit: Floats  # (3,) m s, clamp of ∫e_r
+    torque_integral_limit: Floats  # (3,) rad s, clamp of ∫e_R
+    attitude: Floats  # (2,) k_φ, k_θ: attitude from horizontal force
+    vectoring: Floats  # (Ñ, 2) k_φi, k_θi: gimbals from horizontal force
+    tilt_limit: float  # rad, clamp of commanded roll and pitch
+    gimbal_lower: Floats  # (Ñ, 2) rad, roll and pitch
+    gimbal_upper: Floats  # (Ñ, 2) rad
+    axes_body: int  # body whose axes the CoG frame has
+    axes_rotation: Floats  # (3, 3) CoG axes in that body's axes
+    gyroscopic: int  # 1 adds ω × I ω to the torque
+    constrained: int  # 1 allocates within limits, 0 by pseudo-inverse as printed
+    sigma_min: float  # least scaled singular value that is flown
+    sweeps: int  # fixed-point sweeps of eq 36 before Newton
+    newton: int  # most Newton steps
+    residual: float  # N and N m, where Newton stops
+    blend_time: float  # s, of a change of mode
+    gravity: float  # m/s²
+
+
+class State(NamedTuple):
+    """What a controller remembers from one tick to the next."""
+
+    force_integral: Floats  # (3,) m s
+    torque_integral: Floats  # (3,) rad s
+    gimbals: Floats  # (Ñ, 2) rad, roll and pitch last commanded, unwrapped
+    blend: float  # 0 dual-rotor mode … 1 virtual-single-rotor mode
+    saturated: int  # 1 when the last command met a limit
+
+
+class Command(NamedTuple):
+    """What one tick asks of the actuators, and how it came about."""
+
+    thrust: Floats  # (n_rotors,) N
+    gimbals: Floats  # (Ñ, 2) rad, roll and pitch
+    wanted: Floats  # (6,) wrench asked for, CoG axes
+    given: Floats  # (6,) wrench of the command, CoG axes
+    sigma_min: float  # of the scaled map of the mode in use
+    iterations: int  # Newton steps taken
+    residual: float  # ‖wanted - Q λ‖ after them, before limits
+    status: int  # FLOWN or REFUSED
+
+
+class Mounts(NamedTuple):
+    """Gimbals in the CoG frame, joint 1 the one nearer to the link; made anew each tick.
+
+    Thrust direction ``A · exp(w1 x1) · exp(w2 x2) · u``, thrust point
+    ``o + A · exp(w1 x1) · (t + exp(w2 x2) · f)``.
+    """
+
+    frame: Floats  # A (Ñ, 3, 3)
+    origin: Floats  # o (Ñ, 3) m, from the CoG
+    first: Floats  # w1 (Ñ, 3) unit axis, zero if absent
+    second: Floats  # w2 (Ñ, 3)
+    lever: Floats  # t (Ñ, 3) m
+    point: Floats  # f (Ñ, 3) m
+    axis: Floats  # u (Ñ, 3)
+    rotor_point: Floats  # (n_rotors, 3) m, like `point`
+    rotor_axis: Floats  # (n_rotors, 3), like `axis`
+    swapped: Ints  # (Ñ,) 1 where joint 1 is the pitch joint
+    drag: Floats  # (Ñ,) m, mean torque ratio

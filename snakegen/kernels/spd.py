@@ -1,0 +1,87 @@
+"""Cholesky solves of small symmetric positive-definite systems, without LAPACK's call cost."""
+
+from math import sqrt
+
+import numpy as np
+
+from snakegen.kernels.jit import jit
+from snakegen.kernels.tree import Floats
+
+
+@jit
+def solve_spd(matrix: Floats, rhs: Floats) -> Floats:
+    """Returns ``matrix⁻¹ rhs``; a pivot lost to rounding is replaced by a tiny one.
+
+    So a singular system gives a huge, finite answer along its null space instead of NaN; callers
+    judge singularity by singular values, not by this solve.
+
+    Args:
+        matrix: (n, n) symmetric, positive definite; the lower triangle is read.
+        rhs: (n,).
+    """
+    n = rhs.shape[0]
+    low, x = np.zeros((n, n)), np.empty(n)
+    floor = 0.0
+    for i in range(n):
+        floor = max(floor, matrix[i, i])
+    floor *= 1e-15
+    for j in range(n):
+        pivot = matrix[j, j]
+        for k in range(j):
+            pivot -= low[j, k] * low[j, k]
+        low[j, j] = sqrt(max(pivot, floor))
+        for i in range(j + 1, n):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= low[i, k] * low[j, k]
+            low[i, j] = total / low[j, j]
+    for i in range(n):
+        total = rhs[i]
+        for k in range(i):
+            total -= low[i, k] * x[k]
+        x[i] = total / low[i, i]
+    for i in range(n - 1, -1, -1):
+        total = x[i]
+        for k in range(i + 1, n):
+            total -= low[k, i] * x[k]
+        x[i] = total / low[i, i]
+    return x
+
+
+@jit
+def gram(matrix: Floats, weight: Floats) -> Floats:
+    """Returns ``matrix diag(weight)² matrixᵀ`` (m, m) of a wide (m, n) matrix."""
+    m, n = matrix.shape
+    out = np.empty((m, m))
+    for i in range(m):
+        for k in range(i + 1):
+            total = 0.0
+            for c in range(n):
+                total += matrix[i, c] * matrix[k, c] * weight[c] * weight[c]
+            out[i, k] = out[k, i] = total
+    return out
+
+
+@jit
+def least_norm(matrix: Floats, weight: Floats, rhs: Floats) -> Floats:
+    """Returns the x (n,) with ``matrix x = rhs`` of least ``‖x / weight‖``: eqs 22, 36, 46."""
+    mu = solve_spd(gram(matrix, weight), rhs)
+    x = np.zeros(matrix.shape[1])
+    for c in range(x.shape[0]):
+        for i in range(rhs.shape[0]):
+            x[c] += matrix[i, c] * mu[i]
+        x[c] *= weight[c] * weight[c]
+    return x
+
+
+@jit
+def least_singular_value(matrix: Floats, rows: Floats, weight: Floats) -> float:
+    """Returns σ_min of ``diag(rows) matrix diag(weight)``, 0 if there are fewer columns than rows.
+
+    From the eigenvalues of its Gram matrix: good to about 1e-8 of the largest.
+    """
+    square = gram(matrix, weight)
+    for i in range(square.shape[0]):
+        for k in range(square.shape[0]):
+            square[i, k] *= rows[i] * rows[k]
+    return sqrt(max(np.linalg.eigvalsh(square)[0], 0.0))

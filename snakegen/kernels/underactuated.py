@@ -1,0 +1,143 @@
+"""Dual-rotor control of attitude and altitude, x and y through tilt and gimbals: ZN23 eqs 20-28.
+
+The mended reading of THEORY A7: f is the world force of eq 15, roll and pitch are those of
+``R = Rz(ψ) Ry(pitch) Rx(roll)``, and gimbals point along ``[k_θi f'_x, k_φi f'_y, m g]`` in the
+CoG frame as it stands when level (eq 27 prints the link-from-CoG rotation).
+"""
+
+from math import asin, atan2, cos, sin
+
+import numpy as np
+
+from snakegen.kernels.control_types import Law, Mounts
+from snakegen.kernels.jit import jit
+from snakegen.kernels.linear import cross_into, turn_back_into, turn_into
+from snakegen.kernels.tree import Floats, Rotors
+from snakegen.kernels.vectoring import point_thrust, turned
+
+
+@jit
+def euler(rotation: Floats) -> tuple[float, float, float]:
+    """Returns roll, pitch, yaw [rad] of ``Rz(yaw) Ry(pitch) Rx(roll)``."""
+    pitch = asin(min(max(-rotation[2, 0], -1.0), 1.0))
+    roll = atan2(rotation[2, 1], rotation[2, 2])
+    return roll, pitch, atan2(rotation[1, 0], rotation[0, 0])
+
+
+@jit
+def from_euler(roll: float, pitch: float, yaw: float) -> Floats:
+    """Returns ``Rz(yaw) Ry(pitch) Rx(roll)`` (3, 3)."""
+    cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)
+    out = np.empty((3, 3))
+    out[0] = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
+    out[1] = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
+    out[2] = -sp, cp * sr, cp * cr
+    return out
+
+
+@jit
+def horizontal(force: Floats, rotation: Floats) -> tuple[float, float]:
+    """Returns ``f'_x = f_x cosψ + f_y sinψ`` and ``f'_y = f_y cosψ - f_x sinψ`` [N]."""
+    _, _, yaw = euler(rotation)
+    ahead = force[0] * cos(yaw) + force[1] * sin(yaw)
+    return ahead, force[1] * cos(yaw) - force[0] * sin(yaw)
+
+
+@jit
+def tilted_target(
+    force: Floats, rotation: Floats, wanted: Floats, weight: float, law: Law
+) -> Floats:
+    """Returns the attitude (3, 3) that makes the horizontal force: eqs 23-24.
+
+    ``roll = roll_t - k_φ f'_y / (m g)`` and ``pitch = pitch_t + k_θ f'_x / (m g)`` on top of the
+    target's own, clamped to ±`law.tilt_limit` from it.
+
+    Args:
+        force: (3,) N, world.
+        rotation: (3, 3) attitude of the CoG frame now (for ψ).
+        wanted: (3, 3) target attitude; its yaw is kept.
+        weight: m g [N].
+        law: gains.
+    """
+    ahead, left = horizontal(force, rotation)
+    roll, pitch, yaw = euler(wanted)
+    most = law.tilt_limit
+    roll -= min(max(law.attitude[0] * left / weight, -most), most)
+    pitch += min(max(law.attitude[1] * ahead / weight, -most), most)
+    return from_euler(roll, pitch, yaw)
+
+
+@jit
+def level_axes(wanted: Floats) -> Floats:
+    """Returns the target's tilt ``Ry(pitch) Rx(roll)`` (3, 3): CoG axes seen from level ones."""
+    roll, pitch, _ = euler(wanted)
+    return from_euler(roll, pitch, 0.0)
+
+
+@jit
+def vectored_gimbals(
+    m: Mounts,
+    force: Floats,
+    rotation: Floats,
+    tilt: Floats,
+    weight: float,
+    law: Law,
+    lower: Floats,
+    upper: Floats,
+    last: Floats,
+) -> Floats:
+    """Returns gimbal angles (Ñ, 2), joint order, along ``[k_θi f'_x, k_φi f'_y, m g]``: eqs 25-28.
+
+    Args:
+        m: the mounts.
+        force: (3,) N, world.
+        rotation: (3, 3) attitude of the CoG frame now (for ψ).
+        tilt: (3, 3) from `level_axes`.
+        weight: m g [N].
+        law: gains.
+        lower, upper: (Ñ, 2) rad, joint order.
+        last: (Ñ, 2) rad, joint order.
+    """
+    ahead, left = horizontal(force, rotation)
+    out, level, direction = last.copy(), np.empty(3), np.empty(3)
+    for j in range(last.shape[0]):
+        level[0] = law.vectoring[j, 1] * ahead
+        level[1] = law.vectoring[j, 0] * left
+        level[2] = weight
+        level /= np.sqrt(level[0] ** 2 + level[1] ** 2 + level[2] ** 2)
+        turn_back_into(tilt, level, direction)
+        point_thrust(m, j, direction, last[j], lower[j], upper[j], out[j])
+    return out
+
+
+@jit
+def rotor_map(m: Mounts, rotors: Rotors, angles: Floats) -> Floats:
+    """Returns ``Q_dual`` (6, n) at the given gimbal angles (joint order), CoG held: eqs 7-10."""
+    count = rotors.body.shape[0]
+    q, u, p, moment = np.empty((6, count)), np.empty(3), np.empty(3), np.empty(3)
+    for r in range(count):
+        j = rotors.apparatus[r]
+        _, twice, elbow = turned(m, j, angles[j, 0], angles[j, 1])
+        turn_into(twice, m.rotor_axis[r], u)
+        turn_into(twice, m.rotor_point[r], p)
+        for k in range(3):
+            p[k] += elbow[k]
+        cross_into(p, u, moment)
+        for k in range(3):
+            q[k, r] = u[k]
+            q[3 + k, r] = moment[k] + rotors.torque_ratio[r] * u[k]
+    return q
+
+
+@jit
+def truncated(q: Floats, tilt: Floats) -> Floats:
+    """Returns rows ``[f_z; τ]`` (4, n) of a map, or of a wrench as (6, 1): eqs 20-21.
+
+    z is the level axis of the target attitude: the CoG frame's own z when the target is level.
+    """
+    out = np.empty((4, q.shape[1]))
+    for c in range(q.shape[1]):
+        out[0, c] = tilt[2, 0] * q[0, c] + tilt[2, 1] * q[1, c] + tilt[2, 2] * q[2, c]
+        for k in range(3):
+            out[1 + k, c] = q[3 + k, c]
+    return out

@@ -1,0 +1,218 @@
+"""Exact margins of a thrust set {Q λ, λ_min ≤ λ ≤ λ_max}: one call for a batch of postures.
+
+Each posture is scaled, tested for rank and handed to `facets`; a set of lower rank is treated in
+its own subspace, a hover outside it by `nearest`. Definitions: THEORY A4.
+"""
+
+import numpy as np
+
+from snakegen.kernels.facets import four, gale, invert_basis, tree
+from snakegen.kernels.jit import jit
+from snakegen.kernels.nearest import nearest
+
+RANK_TOLERANCE = 1e-6  # of σ_1, THEORY A3
+OFF = 1e-9  # how far from its own subspace rounding can put a point of it, scaled
+
+
+@jit
+def subspace(a):
+    """Returns (range, lost): orthonormal columns spanning `a` (d, n), and their complement."""
+    d, n = a.shape
+    padded = np.zeros((d, max(n, d)))
+    padded[:, :n] = a
+    u, s, _ = np.linalg.svd(padded)
+    r = 0
+    while r < d and s[r] > RANK_TOLERANCE * s[0] and s[r] > 0.0:
+        r += 1
+    return np.ascontiguousarray(u[:, :r]), np.ascontiguousarray(u[:, r:])
+
+
+@jit
+def _lost_direction(lost, first, out):
+    """Writes to `out` (6,) the lost direction that tilts most along axes first…first+2.
+
+    Returns the tilt: 0 where the slice along these axes keeps all its dimensions.
+    """
+    tilt = 0.0
+    if lost.shape[1] > 0:
+        u, s, v = np.linalg.svd(np.ascontiguousarray(lost[first : first + 3]))
+        tilt = s[0]
+        out[:] = lost @ np.ascontiguousarray(v[0])
+    return tilt
+
+
+@jit
+def _fill(rows, a, y, basis):
+    """Writes ``basisᵀ [a | y | 0 | E]`` to `rows`, six columns kept for the normal."""
+    d, n = a.shape
+    r = basis.shape[1]
+    for i in range(r):
+        for j in range(n):
+            rows[i, j] = 0.0
+            for c in range(d):
+                rows[i, j] += basis[c, i] * a[c, j]
+        rows[i, n] = 0.0
+        rows[i, n + 1] = 0.0
+        for c in range(6):
+            rows[i, n + 2 + c] = 0.0
+        for c in range(d):
+            rows[i, n] += basis[c, i] * y[c]
+            rows[i, n + 2 + c + 6 - d] = basis[c, i]
+
+
+@jit
+def _whole(rows, a, y):
+    """As `_fill` with the identity for a basis: the set has full rank."""
+    d, n = a.shape
+    for i in range(d):
+        rows[i, :n] = a[i]
+        rows[i, n] = y[i]
+        rows[i, n + 1 : n + 8] = 0.0
+        rows[i, n + 2 + i + 6 - d] = 1.0
+
+
+@jit
+def _outside(a, y, margin, normals):
+    """Sets the signed wrench margin of an infeasible hover: minus the distance to the set."""
+    x = nearest(a, y)
+    distance = np.sqrt((x * x).sum())
+    margin[0] = -distance
+    normals[0, 6 - a.shape[0] :] = -x / distance
+
+
+@jit
+def _within(a, y, margin, normals, squared, rows, stack, sizes, span):
+    """Margins (3,) where `a` (d, n) lacks rank: in its own subspace. Returns the rank."""
+    d, n = a.shape
+    basis, lost = subspace(a)
+    r = basis.shape[1]
+    off = 0.0
+    for i in range(d - r):
+        off = max(off, abs((lost[:, i] * y).sum()))
+    if off > OFF:
+        _outside(a, y, margin, normals)
+        return r
+    if r > 0:
+        _fill(rows, a, y, basis)
+        if not tree(rows, r, n, stack, sizes, squared, normals, span, False):
+            _outside(a, y, margin, normals)
+            return r
+    margin[0], margin[1], margin[2] = np.sqrt(squared[0]), np.sqrt(squared[1]), np.sqrt(squared[2])
+    if r < d:
+        margin[0] = 0.0
+        normals[0] = 0.0
+        normals[0, 6 - d :] = lost[:, 0]
+        if d == 6:
+            for first in (0, 3):
+                direction = np.zeros(6)
+                if _lost_direction(lost, first, direction) > OFF:
+                    margin[1 + first // 3] = 0.0
+                    normals[1 + first // 3] = direction
+    return r
+
+
+@jit
+def _posture(a, y, margin, normals, work):
+    """Margins (3,) and normals (3, 6) of one scaled set `a` (d, n) about `y`; returns the rank."""
+    rows, stack, sizes, squared, span, table, order, null, right, minors, lanes, heights = work
+    d, n = a.shape
+    squared[:] = np.inf
+    normals[:] = 0.0
+    margin[:] = np.nan
+    if n < d or invert_basis(a, table, order) <= RANK_TOLERANCE:
+        return _within(a, y, margin, normals, squared, rows, stack, sizes, span)
+    state = -1
+    if n == 8 and d == 6:
+        state = gale(table, order, y, squared, normals, null, right, minors, lanes)
+    elif d == 4:
+        state = four(a, y, squared, normals, heights, sizes)
+    if state < 0:
+        squared[:] = np.inf
+        _whole(rows, a, y)
+        state = int(tree(rows, d, n, stack, sizes, squared, normals, span, False))
+    if state == 1:
+        for i in range(3):
+            margin[i] = np.sqrt(squared[i])
+    else:
+        margin[:] = np.nan
+        normals[:] = 0.0
+        _outside(a, y, margin, normals)
+    return d
+
+
+@jit
+def work_space(n):
+    """Returns the arrays that `batch` and `along` use over and over, for `n` columns."""
+    return (
+        np.zeros((6, n + 8)),
+        np.zeros((6, 6, n + 8)),
+        np.zeros(n),
+        np.zeros(3),
+        np.zeros(2),
+        np.zeros((6, n + 6)),
+        np.zeros(6, np.int64),
+        np.zeros((8, 2)),
+        np.zeros(56),
+        np.zeros(64),
+        np.zeros(40),
+        np.zeros((n, n, n)),
+    )
+
+
+@jit
+def scaled_set(q, half, middle, hover, scale, a, y):
+    """Writes the scaled columns (6, n) of full width and the hover seen from their centre (6,)."""
+    n = half.size
+    for c in range(6):
+        shift = 0.0
+        for j in range(n):
+            a[c, j] = q[c, j] * half[j] * (2.0 / scale[c])
+            shift += q[c, j] * middle[j]
+        y[c] = (hover[c] - shift) / scale[c]
+
+
+@jit
+def batch(q, half, middle, hover, scale, margins, normals, ranks):
+    """Margins (m, 4) and normals (m, 4, 6), scaled: wrench, force, torque, attitude_altitude.
+
+    `q` (m, 6, n), `half` and `middle` (n,) of the limits, `hover` (m, 6), `scale` (6,). Where
+    hover is infeasible the first is minus the distance and force and torque are nan.
+    """
+    n = q.shape[2]
+    a, y = np.empty((6, n)), np.empty(6)
+    work, flat = work_space(n), work_space(n)
+    margin, normal = np.empty(3), np.empty((3, 6))
+    a4 = np.empty((4, n))
+    narrow = (*flat[:5], np.zeros((4, n + 4)), np.zeros(4, np.int64), *flat[7:])
+    for i in range(q.shape[0]):
+        scaled_set(q[i], half, middle, hover[i], scale, a, y)
+        ranks[i] = _posture(a, y, margin, normal, work)
+        margins[i, :3], normals[i, :3] = margin, normal
+        a4[:] = a[2:]
+        _posture(a4, y[2:], margin, normal, narrow)
+        margins[i, 3], normals[i, 3] = margin[0], normal[0]
+
+
+@jit
+def along(q, half, middle, hover, scale, u):
+    """Largest t with ``hover + t u`` in the set, nan where the line misses it; `u` (6,) scaled."""
+    n = q.shape[1]
+    a, y = np.empty((6, n)), np.empty(6)
+    scaled_set(q, half, middle, hover, scale, a, y)
+    basis, lost = subspace(a)
+    span = np.array([-np.inf, np.inf])
+    for i in range(lost.shape[1]):
+        toward, off = (lost[:, i] * u).sum(), (lost[:, i] * y).sum()
+        if abs(toward) > OFF:
+            t = -off / toward
+            span[0], span[1] = max(span[0], t), min(span[1], t)
+        elif abs(off) > OFF:
+            return np.nan
+    r = basis.shape[1]
+    if r > 0:
+        rows, stack, sizes, squared = work_space(n)[:4]
+        _fill(rows, a, y, basis)
+        for i in range(r):
+            rows[i, n + 1] = (basis[:, i] * u).sum()
+        tree(rows, r, n, stack, sizes, squared, np.zeros((3, 6)), span, True)
+    return span[1] if span[1] >= span[0] - OFF * (1.0 + abs(span[0])) else np.nan

@@ -1,0 +1,156 @@
+"""Forward kinematics of a URDF over a whole run at once: what pictures are drawn from.
+
+Every analysis reads a robot through Pinocchio; a log must be drawable from nothing but the text
+inside it, for thousands of instants together, so this walks the joints once with stacked poses:
+``T_child = T_parent · T_origin · exp(axis · angle)`` (URDF, rpy in fixed axes).
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snakegen.errors import LogError
+from snakegen.geometry import rotation_from_rpy
+
+Floats = NDArray[np.float64]
+Poses = tuple[Floats, Floats]  # rotations (T, 3, 3), positions (T, 3)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One joint of a URDF."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    rotation: Floats  # (3, 3)
+    translation: Floats  # (3,)
+    axis: Floats  # (3,)
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """A URDF's joints from the root outwards."""
+
+    name: str
+    root: str
+    joints: tuple[Joint, ...]
+
+    def moving(self) -> tuple[Joint, ...]:
+        """The joints that turn or slide."""
+        return tuple(j for j in self.joints if j.kind != "fixed")
+
+    def poses(self, base: Poses, angles: dict[str, Floats]) -> dict[str, Poses]:
+        """Returns every link's poses in the world.
+
+        Args:
+            base: poses of the root link, (T, 3, 3) and (T, 3).
+            angles: (T,) per joint name, rad or m; a joint that is not named stays at 0.
+        """
+        out = {self.root: base}
+        for j in self.joints:
+            rotation, position = out[j.parent]
+            turned, moved = rotation @ j.rotation, position + rotation @ j.translation
+            angle = angles.get(j.name)
+            if angle is not None and j.kind in ("revolute", "continuous"):
+                turned = turned @ rotations_about(j.axis, angle)
+            elif angle is not None and j.kind == "prismatic":
+                moved = moved + (turned @ j.axis) * angle[:, None]
+            out[j.child] = (turned, moved)
+        return out
+
+
+def skeleton(urdf: str) -> Skeleton:
+    """Reads the joints of a URDF text, parents before children.
+
+    Raises:
+        LogError: the text is not a URDF whose joints form one tree.
+    """
+    try:
+        robot = ET.fromstring(urdf)
+    except ET.ParseError as error:
+        raise LogError(f"the log's URDF cannot be read: {error}") from None
+    joints = [_joint(e) for e in robot.findall("joint")]
+    links = [e.get("name", "") for e in robot.findall("link")]
+    children = {j.child for j in joints}
+    roots = [name for name in links if name not in children]
+    if len(roots) != 1:
+        raise LogError(f"the log's URDF has {len(roots)} root links; it needs one")
+    by_parent: dict[str, list[Joint]] = {}
+    for j in joints:
+        by_parent.setdefault(j.parent, []).append(j)
+    ordered: list[Joint] = []
+    front = [roots[0]]
+    while front:
+        for j in by_parent.get(front.pop(0), []):
+            ordered.append(j)
+            front.append(j.child)
+    return Skeleton(robot.get("name", "robot"), roots[0], tuple(ordered))
+
+
+def joint_angles(labels: tuple[str, ...], q: Floats) -> dict[str, Floats]:
+    """Returns (T,) per joint from `q` (T, nq) with its labels; ``:cos``/``:sin`` pairs join."""
+    columns = {label: q[:, i] for i, label in enumerate(labels)}
+    out = {}
+    for label, values in columns.items():
+        name, _, part = label.partition(":")
+        if not part:
+            out[name] = values
+        elif part == "cos":
+            out[name] = np.arctan2(columns[f"{name}:sin"], values)
+    return out
+
+
+def base_poses(labels: tuple[str, ...], q: Floats) -> Poses:
+    """Returns the root link's poses; identity for a fixed base (no label ``qw``)."""
+    if "qw" not in labels:
+        return np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
+    return rotations_from_xyzw(q[:, 3:7]), q[:, :3]
+
+
+def rotations_from_xyzw(quaternion: Floats) -> Floats:
+    """Returns (T, 3, 3) of quaternions xyzw (T, 4)."""
+    x, y, z, w = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def rotations_about(axis: Floats, angle: Floats) -> Floats:
+    """Returns (T, 3, 3) by `angle` (T,) about the unit `axis` (Rodrigues)."""
+    x, y, z = axis
+    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.eye(3) + s * k + (1.0 - c) * (k @ k)
+
+
+def _joint(element: ET.Element) -> Joint:
+    origin = element.find("origin")
+    xyz = _vector(None if origin is None else origin.get("xyz"), "0 0 0")
+    rpy = _vector(None if origin is None else origin.get("rpy"), "0 0 0")
+    axis_element = element.find("axis")
+    axis = _vector(None if axis_element is None else axis_element.get("xyz"), "1 0 0")
+    ends = [element.find(tag) for tag in ("parent", "child")]
+    parent, child = ("" if e is None else e.get("link", "") for e in ends)
+    size = float(np.linalg.norm(axis)) or 1.0
+    return Joint(
+        element.get("name", ""),
+        element.get("type", "fixed"),
+        parent,
+        child,
+        rotation_from_rpy(rpy),
+        xyz,
+        axis / size,
+    )
+
+
+def _vector(text: str | None, default: str) -> Floats:
+    return np.array([float(v) for v in (text or default).split()])

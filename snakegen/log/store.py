@@ -1,0 +1,135 @@
+"""The exact part of a log: a recording as one JSON header and one Parquet table a time axis.
+
+Scalars that rerun plots are thinned to what an eye can see; these columns are the run, every
+sample bit for bit. Parquet's BYTE_STREAM_SPLIT with zstd takes 20 % off float64 signals that
+rerun's own LZ4 cannot shrink at all. Equal columns (joint angles inside `q`) are stored once.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snakegen.errors import LogError
+from snakegen.verify.recording import Channel, Event, Recording
+from snakegen.verify.verdict import Verdict
+
+Floats = NDArray[np.float64]
+FORMAT = 1
+
+
+def encode(recording: Recording) -> tuple[str, list[bytes]]:
+    """Returns the JSON header and the Parquet files, one for each time axis."""
+    axes: list[Floats] = []
+    tables: list[dict[str, Floats]] = []
+    known: list[dict[bytes, str]] = []
+    channels = {}
+    for name, c in recording.channels.items():
+        i = _axis_index(axes, recording.times(name))
+        if i == len(tables):
+            tables.append({})
+            known.append({})
+        columns = [_column(tables[i], known[i], c.values[:, j]) for j in range(len(c.labels))]
+        channels[name] = {
+            "unit": c.unit,
+            "labels": c.labels,
+            "group": c.group,
+            "meaning": c.meaning,
+            "axis": i,
+            "own_time": c.time is not None,
+            "columns": columns,
+        }
+    main = _axis_index(axes, recording.time)
+    if main == len(tables):
+        tables.append({})
+    header = {
+        "format": FORMAT,
+        "axis": main,
+        "channels": channels,
+        "events": recording.events,
+        "meta": recording.meta,
+        "report": recording.report,
+        "metrics": recording.metrics,
+        "verdict": None if recording.verdict is None else recording.verdict.to_json(),
+    }
+    files = [_parquet(time, table) for time, table in zip(axes, tables, strict=True)]
+    return json.dumps(header, ensure_ascii=False), files
+
+
+def decode(header_text: str, files: list[bytes]) -> Recording:
+    """Returns the recording that `encode` was given, bit for bit.
+
+    Raises:
+        LogError: another format number.
+    """
+    header = json.loads(header_text)
+    if header.get("format") != FORMAT:
+        raise LogError(f"log format {header.get('format')}; this snakegen reads format {FORMAT}")
+    tables = [_columns(data) for data in files]
+    channels = {}
+    for name, c in header["channels"].items():
+        table = tables[c["axis"]]
+        values = np.empty((len(table["time"]), len(c["columns"])))
+        for j, column in enumerate(c["columns"]):
+            values[:, j] = table[column]
+        time = table["time"] if c["own_time"] else None
+        channels[name] = Channel(
+            values, c["unit"], tuple(c["labels"]), c["group"], c["meaning"], time
+        )
+    judged = header["verdict"]
+    return Recording(
+        time=tables[header["axis"]]["time"],
+        channels=channels,
+        events=tuple(Event(*e) for e in header["events"]),
+        meta=header["meta"],
+        report=header["report"],
+        metrics=header["metrics"],
+        verdict=None if judged is None else Verdict.from_json(judged),
+    )
+
+
+def _axis_index(axes: list[Floats], time: Floats) -> int:
+    for i, axis in enumerate(axes):
+        if axis is time or np.array_equal(axis, time):
+            return i
+    axes.append(time)
+    return len(axes) - 1
+
+
+def _column(table: dict[str, Floats], known: dict[bytes, str], values: Floats) -> str:
+    """Adds a column unless the table has the same bits already; returns its name."""
+    column = np.ascontiguousarray(values)
+    bits = column.tobytes()
+    if bits not in known:
+        known[bits] = f"c{len(known)}"
+        table[known[bits]] = column
+    return known[bits]
+
+
+def _parquet(time: Floats, table: dict[str, Floats]) -> bytes:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    columns: dict[str, Any] = {"time": pa.array(time), **{k: pa.array(v) for k, v in table.items()}}
+    out = io.BytesIO()
+    pq.write_table(
+        pa.table(columns),
+        out,
+        compression="zstd",
+        compression_level=1,
+        use_dictionary=False,
+        write_statistics=False,
+        column_encoding=dict.fromkeys(columns, "BYTE_STREAM_SPLIT"),
+    )
+    return out.getvalue()
+
+
+def _columns(data: bytes) -> dict[str, Floats]:
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(io.BytesIO(data))
+    return {name: table[name].to_numpy() for name in table.column_names}

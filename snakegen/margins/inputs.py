@@ -1,0 +1,84 @@
+"""Checks of what a caller hands to a margin: one clear line for every mistake."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from snakegen.errors import AnalysisError
+
+Floats = NDArray[np.float64]
+
+
+def array(name: str, value: ArrayLike, *shapes: tuple[int | None, ...]) -> Floats:
+    """Returns `value` as finite float64 of one of `shapes` (None: any length).
+
+    Raises:
+        AnalysisError: not numbers, another shape, or NaN or infinity among the entries.
+    """
+    try:
+        out = np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise AnalysisError(f"{name} is not an array of numbers: {error}") from None
+    out = out.reshape(np.shape(value))
+    if not any(
+        len(shape) == out.ndim
+        and all(want is None or want == has for want, has in zip(shape, out.shape, strict=True))
+        for shape in shapes
+    ):
+        wanted = " or ".join(str(s).replace("None", "any") for s in shapes)
+        raise AnalysisError(f"{name} has shape {out.shape}; it must be {wanted}.")
+    if not np.isfinite(out).all():
+        at = tuple(int(i) for i in np.argwhere(~np.isfinite(out))[0])
+        raise AnalysisError(f"{name}{list(at) if at else ''} is {out[at]}; it must be finite.")
+    return out
+
+
+def per_unit(name: str, value: ArrayLike, count: int) -> Floats:
+    """Returns `value`, one number or (count,), as (count,).
+
+    Raises:
+        AnalysisError: another shape, not finite, or negative.
+    """
+    out = np.ascontiguousarray(np.broadcast_to(array(name, value, (), (count,)), (count,)))
+    if (out < 0.0).any():
+        at = int(np.argmax(out < 0.0))
+        raise AnalysisError(f"{name}[{at}] is {out[at]:g}; a thrust limit cannot be negative.")
+    return out
+
+
+def limits(lower: ArrayLike, upper: ArrayLike, count: int) -> tuple[Floats, Floats]:
+    """Returns the thrust limits (count,), N, checked: 0 ≤ lower ≤ upper."""
+    low, high = per_unit("lower", lower, count), per_unit("upper", upper, count)
+    if (low > high).any():
+        at = int(np.argmax(low > high))
+        raise AnalysisError(f"lower[{at}] = {low[at]:g} is above upper[{at}] = {high[at]:g}.")
+    return low, high
+
+
+def positive(name: str, value: float) -> float:
+    """Returns the positive finite number `value`."""
+    out = float(array(name, value, ()))
+    if out <= 0.0:
+        raise AnalysisError(f"{name} is {out:g}; it must be positive.")
+    return out
+
+
+def share(name: str, value: float) -> float:
+    """Returns the fraction `value`, in [0, 1)."""
+    out = float(array(name, value, ()))
+    if not 0.0 <= out < 1.0:
+        raise AnalysisError(f"{name} is {out:g}; it must be a fraction in [0, 1).")
+    return out
+
+
+def scale(force_scale: float, torque_scale: float) -> Floats:
+    """Returns (6,) ``[F0, F0, F0, T0, T0, T0]``, N and N·m."""
+    force, torque = positive("force_scale", force_scale), positive("torque_scale", torque_scale)
+    return np.repeat([force, torque], 3)
+
+
+def hover(hover_wrench: ArrayLike, postures: int | None) -> Floats:
+    """Returns the hover wrench (6,), or (m, 6) for a batch of m `postures`."""
+    if postures is None:
+        return array("hover_wrench", hover_wrench, (6,))
+    wrench = array("hover_wrench", hover_wrench, (6,), (postures, 6))
+    return np.ascontiguousarray(np.broadcast_to(wrench, (postures, 6)))

@@ -1,0 +1,216 @@
+"""What a link carries, as data: reads the <snakegen> element and the modules file.
+
+URDF cannot say where thrust acts or how strong a servo is. A URDF from snakegen holds this in one
+<snakegen> element; for someone else's URDF a modules file (YAML) says the same.
+"""
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from snakegen import yaml_file
+from snakegen.errors import DescriptionError, near
+
+
+@dataclass(frozen=True)
+class Rotor:
+    """A rotor; thrust acts at the origin of `link` along `axis` (link axes)."""
+
+    link: str
+    thrust_min: float  # N
+    thrust_max: float  # N
+    drag_ratio: float  # m, signed: torque on the body about the thrust axis per newton, -κ s
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    lag: float = 0.035  # s, first order
+    diameter: float = 0.1  # m
+    inertia: float = 0.0  # kg m², of the spinning part about its axis
+    speed: float = 3500.0  # rad/s at thrust_max
+
+
+@dataclass(frozen=True)
+class Apparatus:
+    """Rotors behind up to two gimbal joints."""
+
+    rotors: tuple[Rotor, ...]
+    roll: str | None = None  # joint names
+    pitch: str | None = None
+    link: str | None = None  # the link that carries it
+
+    @property
+    def rotor_links(self) -> list[str]:
+        """Names of the links that stand for its rotors."""
+        return [r.link for r in self.rotors]
+
+
+@dataclass(frozen=True)
+class Servo:
+    """A position servo on a joint."""
+
+    joint: str
+    stiffness: float = 200.0  # N m/rad
+    damping: float = 10.0  # N m s/rad
+    armature: float = 0.0  # kg m²
+    friction: float = 0.0  # N m
+
+
+@dataclass(frozen=True)
+class Modules:
+    """Everything that analyses, plant and controller need beside the URDF proper."""
+
+    floating: bool = True
+    lengths: dict[str, float] = field(default_factory=dict)  # m, by link name
+    apparatuses: tuple[Apparatus, ...] = ()
+    servos: tuple[Servo, ...] = ()
+    control: dict[str, Any] = field(default_factory=dict)
+    gain_sets: dict[str, dict[str, Any]] = field(default_factory=dict)
+    plant: dict[str, float] = field(default_factory=dict)
+
+
+def from_urdf(text: str) -> Modules | None:
+    """Returns the modules of a URDF's <snakegen> element, or None where it has none."""
+    element = ET.fromstring(text).find("snakegen")
+    if element is None:
+        return None
+    if element.get("version") != "1":
+        raise DescriptionError(
+            f"<snakegen version='{element.get('version')}'> is not known; this reads version 1."
+        )
+    control = element.find("control")
+    plant = element.find("plant")
+    return Modules(
+        floating=element.get("base") == "floating",
+        lengths={_text(e, "name"): _real(e, "length") for e in element.findall("link")},
+        apparatuses=tuple(_apparatus(e) for e in element.findall("vectoring_apparatus")),
+        servos=tuple(_fill(Servo, e) for e in element.findall("servo")),
+        control={} if control is None else _attributes(control),
+        gain_sets={}
+        if control is None
+        else {_text(e, "name"): _gains(e) for e in control.findall("gains")},
+        plant={} if plant is None else {k: float(v) for k, v in plant.attrib.items()},
+    )
+
+
+def from_file(path: Path, root: str) -> Modules:
+    """Reads a modules file for a URDF whose root link is `root`.
+
+    Raises:
+        DescriptionError: an unknown key, a missing value, or a root that the URDF does not have.
+    """
+    data = yaml_file.read(path)
+    if not isinstance(data, dict):
+        raise DescriptionError(f"{path.name}: write 'floating_root:' and 'apparatuses:'.")
+    _known(data, ("floating_root", "link_length", "apparatuses", "servos"), path.name)
+    floating = data.get("floating_root")
+    if floating is not None and floating != root:
+        raise DescriptionError(
+            f"{path.name}: floating_root '{floating}' is not the URDF's root link '{root}'."
+        )
+    lengths = {root: float(data["link_length"])} if "link_length" in data else {}
+    try:
+        return Modules(
+            floating=floating is not None,
+            lengths=lengths,
+            apparatuses=tuple(
+                _listed_apparatus(a, f"{path.name}: apparatuses[{i + 1}]")
+                for i, a in enumerate(data.get("apparatuses") or [])
+            ),
+            servos=tuple(
+                Servo(**_known(s, Servo.__dataclass_fields__, f"{path.name}: servos"))
+                for s in data.get("servos") or []
+            ),
+        )
+    except (TypeError, ValueError) as error:
+        raise DescriptionError(f"{path.name}: {error}.") from None
+
+
+def _listed_apparatus(data: Any, place: str) -> Apparatus:
+    _known(data, ("roll", "pitch", "link", "rotors"), place)
+    if not data.get("rotors"):
+        raise DescriptionError(f"{place}: 'rotors' is needed, a list of {{link, thrust_max, …}}.")
+    rotors = []
+    for k, r in enumerate(data["rotors"]):
+        here = f"{place}.rotors[{k + 1}]"
+        _known(r, Rotor.__dataclass_fields__, here)
+        for key in ("link", "thrust_max"):
+            if key not in r:
+                raise DescriptionError(f"{here}: '{key}' is needed.")
+        values: dict[str, Any] = {"thrust_min": 0.0, "drag_ratio": 0.0} | r
+        axis = tuple(float(x) for x in values.pop("axis", (0.0, 0.0, 1.0)))
+        norm = sum(x * x for x in axis) ** 0.5
+        if len(axis) != 3 or not norm > 0:
+            raise DescriptionError(f"{here}.axis: {list(axis)} is no direction; write [0, 0, 1].")
+        rotor = Rotor(
+            link=str(values.pop("link")),
+            axis=(axis[0] / norm, axis[1] / norm, axis[2] / norm),
+            **{k: float(v) for k, v in values.items()},
+        )
+        if not 0 <= rotor.thrust_min < rotor.thrust_max < float("inf"):
+            raise DescriptionError(
+                f"{here}: thrust limits {rotor.thrust_min} … {rotor.thrust_max} N are no range."
+            )
+        rotors.append(rotor)
+    return Apparatus(tuple(rotors), data.get("roll"), data.get("pitch"), data.get("link"))
+
+
+def _known(data: Any, names: Any, place: str) -> Any:
+    if not isinstance(data, dict):
+        raise DescriptionError(f"{place}: a mapping with {', '.join(names)} is needed.")
+    for key in data:
+        if key not in names:
+            raise DescriptionError(f"{place} has no field '{key}'.{near(key, names)}")
+    return data
+
+
+def _apparatus(element: ET.Element) -> Apparatus:
+    rotors = []
+    for e in element.findall("rotor"):
+        axis = tuple(float(x) for x in e.get("axis", "0 0 1").split())
+        rotors.append(_fill(Rotor, e, axis=axis))
+    return Apparatus(tuple(rotors), element.get("roll"), element.get("pitch"), element.get("link"))
+
+
+def _fill(kind: Any, element: ET.Element, **given: Any) -> Any:
+    """Returns dataclass `kind` from an element's attributes; names are text, the rest numbers."""
+    values = dict(given)
+    for name, f in kind.__dataclass_fields__.items():
+        if name not in values and name in element.attrib:
+            values[name] = element.attrib[name] if f.type is str else _real(element, name)
+    return kind(**values)
+
+
+def _attributes(element: ET.Element) -> dict[str, Any]:
+    return {k: _number_or_text(v) for k, v in element.attrib.items()}
+
+
+def _gains(element: ET.Element) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for key, value in element.attrib.items():
+        if key != "name":
+            numbers = tuple(float(x) for x in value.split())
+            single = key in ("attitude_roll", "attitude_pitch")
+            out[key] = numbers[0] if single else numbers
+    return out
+
+
+def _number_or_text(value: str) -> Any:
+    try:
+        return float(value)
+    except ValueError:
+        return value
+
+
+def _text(element: ET.Element, name: str) -> str:
+    value = element.get(name)
+    if value is None:
+        raise DescriptionError(f"<snakegen>: <{element.tag}> lacks '{name}'.")
+    return value
+
+
+def _real(element: ET.Element, name: str) -> float:
+    try:
+        return float(_text(element, name))
+    except ValueError:
+        raise DescriptionError(
+            f"<snakegen>: <{element.tag} {name}='{element.get(name)}'> is not a number."
+        ) from None

@@ -1,0 +1,302 @@
+"""Robot: a Pinocchio model and its modules, read from a URDF, the only truth."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from snakegen import modules as modules_file
+from snakegen.errors import DescriptionError, PostureError, SnakegenError, near
+from snakegen.geometry import Floats, quaternion_xyzw, rotation_from_rpy, rotation_from_xyzw
+from snakegen.kernels.tree import Gimbals, Rotors, Tree
+from snakegen.modules import Modules
+from snakegen.robot_arrays import gimbals_of, rotors_of, tree_of
+
+GRAVITY = 9.81  # m/s²
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot as analyses see it.
+
+    Attributes:
+        name: the URDF's robot name.
+        urdf: the URDF text.
+        path: where the URDF stands, None for one that was made in memory.
+        modules: rotors, servos, gains: what URDF cannot say.
+        model: Pinocchio model, armature included; the root is a free-flyer if floating.
+    """
+
+    name: str
+    urdf: str
+    path: Path | None
+    modules: Modules
+    model: pin.Model
+
+    @property
+    def floating(self) -> bool:
+        """Tells whether the base is free."""
+        return self.modules.floating
+
+    @property
+    def root_link(self) -> str:
+        """The name of the URDF's root link."""
+        return str(_root_link(self.urdf))
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints in Pinocchio's order, without the free-flyer."""
+        return tuple(self.model.names)[2 if self.floating else 1 :]
+
+    @cached_property
+    def gimbal_names(self) -> frozenset[str]:
+        """Names of the joints that turn an apparatus."""
+        names = (n for a in self.modules.apparatuses for n in (a.roll, a.pitch))
+        return frozenset(n for n in names if n)
+
+    @cached_property
+    def chain_joints(self) -> tuple[str, ...]:
+        """Names of the joints that shape the body: neither gimbals nor spinning rotors."""
+        out = set(self.gimbal_names) | {self.joint_names[b - 1] for b in self.spinners}
+        return tuple(n for n in self.joint_names if n not in out)
+
+    @cached_property
+    def urdf_hash(self) -> str:
+        """SHA-256 of the URDF text."""
+        return hashlib.sha256(self.urdf.encode()).hexdigest()
+
+    @cached_property
+    def mass(self) -> float:
+        """Mass that moves [kg]; a fixed root's own is left out."""
+        return float(self.tree.mass.sum())
+
+    @cached_property
+    def link_length(self) -> float:
+        """Mean link length [m], the lever of the torque scale."""
+        if self.modules.lengths:
+            return float(np.mean(list(self.modules.lengths.values())))
+        steps = np.linalg.norm(self.tree.translation[1:], axis=1)
+        return float(np.max(steps)) if steps.size and np.max(steps) > 0 else 1.0
+
+    @property
+    def force_scale(self) -> float:
+        """F0 = m g [N]."""
+        return self.mass * GRAVITY
+
+    @property
+    def torque_scale(self) -> float:
+        """T0 = m g · mean link length [N m]."""
+        return self.force_scale * self.link_length
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The kinematic tree on plain arrays; body 0 is the base."""
+        return tree_of(self.model, self.floating)
+
+    @cached_property
+    def rotors(self) -> Rotors:
+        """The rotors on plain arrays, apparatus by apparatus."""
+        return rotors_of(self)
+
+    @cached_property
+    def gimbals(self) -> Gimbals:
+        """The apparatuses on plain arrays."""
+        return gimbals_of(self)
+
+    @cached_property
+    def spinners(self) -> frozenset[int]:
+        """Bodies that a rotor's own spin joint moves: their angle does not matter."""
+        held = {self.body_of_link(n)[0] for a in self.modules.apparatuses for n in a.rotor_links}
+        driven = {self.joint_names.index(n) + 1 for n in self.gimbal_names}
+        parents = set(self.tree.parent.tolist())
+        return frozenset(b for b in held - driven if b > 0 and b not in parents)
+
+    def body_of_link(self, link: str) -> tuple[int, Floats, Floats]:
+        """Returns the body that carries `link`, and the link's rotation and origin in it."""
+        if not self.model.existFrame(link, pin.FrameType.BODY):
+            names = [f.name for f in self.model.frames if f.type == pin.FrameType.BODY]
+            raise DescriptionError(f"{self.name} has no link '{link}'.{near(link, names)}")
+        frame = self.model.frames[self.model.getFrameId(link, pin.FrameType.BODY)]
+        body = int(frame.parentJoint) - (1 if self.floating else 0)
+        return body, np.array(frame.placement.rotation), np.array(frame.placement.translation)
+
+    def body_of_joint(self, joint: str) -> int:
+        """Returns the body that `joint` moves."""
+        if joint not in self.joint_names:
+            raise DescriptionError(
+                f"{self.name} has no joint '{joint}'.{near(joint, self.joint_names)}"
+            )
+        return self.joint_names.index(joint) + 1
+
+    def configuration(
+        self,
+        posture: Mapping[str, float] | None = None,
+        *,
+        base_rpy: Sequence[float] = (0.0, 0.0, 0.0),
+        base_position: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> Floats:
+        """Returns q of a posture given by joint names; joints not named are at 0.
+
+        Args:
+            posture: rad (m where a joint slides) by joint name; may hold ``base_rpy`` and
+                ``base_position`` too, as posture files do.
+            base_rpy: rad, attitude of the root link; floating base only.
+            base_position: m.
+
+        Raises:
+            PostureError: an unknown name (with the near ones), no number, or out of limits.
+        """
+        given = dict(posture or {})
+        rpy = given.pop("base_rpy", base_rpy)
+        position = given.pop("base_position", base_position)
+        q = pin.neutral(self.model)
+        if self.floating:
+            q[:3] = _vector(position, "base_position")
+            q[3:7] = quaternion_xyzw(rotation_from_rpy(_vector(rpy, "base_rpy")))
+        elif np.any(_vector(rpy, "base_rpy")) or np.any(_vector(position, "base_position")):
+            raise PostureError(f"{self.name} has a fixed base; it takes no base pose.")
+        for name, value in given.items():
+            if name not in self.joint_names:
+                known = (*self.joint_names, "base_rpy", "base_position")
+                raise PostureError(f"{self.name} has no joint '{name}'.{near(name, known)}")
+            angle = _finite(value, name)
+            joint = self.model.joints[self.model.getJointId(name)]
+            low = float(self.model.lowerPositionLimit[joint.idx_q])
+            high = float(self.model.upperPositionLimit[joint.idx_q])
+            if joint.nq == 2:
+                q[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
+                continue
+            if not low - 1e-9 <= angle <= high + 1e-9:
+                raise PostureError(
+                    f"{self.name}: {name} = {angle:g} is outside its limits {low:g} … {high:g}."
+                )
+            q[joint.idx_q] = angle
+        return q
+
+    def check_q(self, q: Any) -> Floats:
+        """Returns `q` as float64 after checking its size and its numbers."""
+        out = np.asarray(q, dtype=float)
+        if out.shape != (self.model.nq,):
+            raise PostureError(f"{self.name}: q has shape {out.shape}, ({self.model.nq},) needed.")
+        if not np.all(np.isfinite(out)):
+            raise PostureError(f"{self.name}: q holds NaN or infinity.")
+        return out
+
+    def base_pose(self, q: Floats) -> tuple[Floats, Floats]:
+        """Returns the base's rotation (3, 3) and position (3,) [m] in q."""
+        if not self.floating:
+            return np.eye(3), np.zeros(3)
+        return rotation_from_xyzw(q[3:7]), np.array(q[:3])
+
+    def angles(self, q: Floats) -> Floats:
+        """Returns the joint angles (n-1,) of q in the tree's order."""
+        q = self.check_q(q)
+        first = 2 if self.floating else 1
+        out = np.empty(self.model.njoints - first)
+        for k in range(first, self.model.njoints):
+            joint = self.model.joints[k]
+            i = joint.idx_q
+            out[k - first] = np.arctan2(q[i + 1], q[i]) if joint.nq == 2 else q[i]
+        return out
+
+    def limits(self, names: Sequence[str]) -> tuple[Floats, Floats, Floats]:
+        """Returns lower, upper [rad] and effort [N m] of the joints `names`."""
+        joints = [self.model.joints[self.model.getJointId(n)] for n in names]
+        free = [j.nq == 2 for j in joints]
+        low = [self.model.lowerPositionLimit[j.idx_q] for j in joints]
+        high = [self.model.upperPositionLimit[j.idx_q] for j in joints]
+        effort = [self.model.upperEffortLimit[j.idx_v] for j in joints]
+        return (
+            np.where(free, -np.pi, low).astype(float),
+            np.where(free, np.pi, high).astype(float),
+            np.array(effort, float),
+        )
+
+
+def load(source: Any, *, modules: str | Path | None = None) -> Robot:
+    """Reads a robot from a preset name, a spec file or RobotSpec, or a URDF file.
+
+    Args:
+        source: what to read; a path that ends in .urdf is a URDF.
+        modules: a modules file for a URDF that snakegen did not write.
+
+    Raises:
+        SnakegenError: one line that says what is wrong, where, and what would have worked.
+    """
+    from snakegen.description.urdf import urdf_text
+
+    if isinstance(source, str | Path) and str(source).endswith((".urdf", ".xml")):
+        path = Path(source)
+        try:
+            text = path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            raise DescriptionError(f"{path}: no such file.") from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise DescriptionError(f"{path}: cannot be read ({error}).") from None
+        return from_urdf_text(text, path, modules=modules)
+    if modules is not None:
+        raise SnakegenError("--modules goes with a URDF; a spec already names its modules.")
+    return from_urdf_text(urdf_text(source), None)
+
+
+def from_urdf_text(
+    text: str, path: Path | None, *, modules: str | Path | None = None
+) -> Robot:
+    """Reads a robot from URDF text that stands, or would stand, at `path`."""
+    from snakegen.description import lint
+
+    lint.check(path if path is not None else text)
+    found = modules_file.from_urdf(text)
+    if modules is not None:
+        found = modules_file.from_file(Path(modules), _root_link(text))
+    if found is None:
+        found = Modules(floating=False)
+    try:
+        model = (
+            pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+            if found.floating
+            else pin.buildModelFromXML(text)
+        )
+    except (ValueError, RuntimeError) as error:
+        raise DescriptionError(f"{path or 'URDF'}: Pinocchio cannot read it ({error}).") from None
+    for servo in found.servos:
+        if not model.existJointName(servo.joint):
+            raise DescriptionError(
+                f"servo on joint '{servo.joint}', which does not exist."
+                f"{near(servo.joint, list(model.names)[1:])}"
+            )
+        joint = model.joints[model.getJointId(servo.joint)]
+        model.armature[joint.idx_v] = servo.armature
+    robot = Robot(str(model.name), text, path, found, model)
+    _ = robot.tree, robot.rotors, robot.gimbals  # a wrong name is an error now, not later
+    return robot
+
+
+def _vector(value: Any, name: str) -> Floats:
+    out = np.asarray(value, dtype=object)
+    if out.shape != (3,):
+        raise PostureError(f"{name}: three numbers are needed, not {value!r}.")
+    return np.array([_finite(v, name) for v in out])
+
+
+def _finite(value: Any, name: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise PostureError(f"{name}: {value!r} is not a number.") from None
+    if isinstance(value, bool) or not np.isfinite(number):
+        raise PostureError(f"{name}: {value!r} is not a finite number.")
+    return number
+
+
+def _root_link(text: str) -> str:
+    import xml.etree.ElementTree as ET
+
+    root = ET.fromstring(text)
+    children = {str(e.get("link")) for e in root.iterfind("joint/child")}
+    return next(str(e.get("name")) for e in root.iterfind("link") if e.get("name") not in children)

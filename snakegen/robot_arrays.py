@@ -1,0 +1,121 @@
+"""The flat arrays of a robot, taken from its Pinocchio model and modules (see kernels/tree.py)."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from snakegen.errors import DescriptionError
+from snakegen.geometry import Floats
+from snakegen.kernels.tree import Gimbals, Rotors, Tree
+
+if TYPE_CHECKING:
+    from snakegen.robot import Robot
+
+
+def tree_of(model: pin.Model, floating: bool) -> Tree:
+    """Returns the kinematic tree of a Pinocchio model; a free-flyer becomes body 0."""
+    first = 1 if floating else 0
+    count = model.njoints - first
+    q0 = pin.neutral(model)
+    prismatic = np.zeros(count, np.int64)
+    parent = np.full(count, -1, np.int64)
+    axis = np.zeros((count, 3))
+    axis[0, 0] = 1.0
+    rotation, translation = np.zeros((count, 3, 3)), np.zeros((count, 3))
+    rotation[0] = np.eye(3)
+    for i in range(1, count):
+        joint = model.joints[i + first]
+        if joint.nv != 1:
+            raise DescriptionError(
+                f"joint '{model.names[i + first]}' has {joint.nv} degrees of freedom; "
+                "snakegen takes revolute, continuous, prismatic and fixed joints."
+            )
+        data = joint.createData()
+        joint.calc(data, q0)
+        motion = np.asarray(data.S, float).reshape(6)
+        prismatic[i] = int(np.any(motion[:3]))
+        axis[i] = motion[:3] if prismatic[i] else motion[3:]
+        parent[i] = int(model.parents[i + first]) - first
+        rotation[i] = model.jointPlacements[i + first].rotation
+        translation[i] = model.jointPlacements[i + first].translation
+    bodies = [model.inertias[i + first] for i in range(count)]
+    return Tree(
+        parent,
+        prismatic,
+        rotation,
+        translation,
+        axis,
+        np.array([b.mass for b in bodies], float),
+        np.array([b.lever for b in bodies], float),
+        np.array([b.inertia for b in bodies], float),
+    )
+
+
+def _settled(robot: "Robot", link: str, vector: Any = (0, 0, 1)) -> tuple[int, Floats, Floats]:
+    """Returns body, position and direction of a rotor, its spin joint counted as fixed."""
+    body, rotation, position = robot.body_of_link(link)
+    direction = rotation @ np.asarray(vector, float)
+    while body in robot.spinners:
+        if abs(abs(direction @ robot.tree.axis[body]) - 1.0) > 1e-6:
+            raise DescriptionError(
+                f"rotor '{link}': its own joint '{robot.joint_names[body - 1]}' does not turn "
+                "about its thrust axis; name the joint as roll or pitch, or fix the axis."
+            )
+        mount = robot.tree.rotation[body]
+        position = robot.tree.translation[body] + mount @ position
+        direction = mount @ direction
+        body = int(robot.tree.parent[body])
+    return body, position, direction
+
+
+def rotors_of(robot: "Robot") -> Rotors:
+    """Returns the rotors of `robot`, apparatus by apparatus, on the bodies that carry them."""
+    rows = [(j, r) for j, a in enumerate(robot.modules.apparatuses) for r in a.rotors]
+    placed = [_settled(robot, r.link, r.axis) for _, r in rows]
+    return Rotors(
+        np.array([p[0] for p in placed], np.int64),
+        np.array([p[1] for p in placed], float).reshape(-1, 3),
+        np.array([p[2] for p in placed], float).reshape(-1, 3),
+        np.array([r.drag_ratio for _, r in rows], float),
+        np.array([r.thrust_min for _, r in rows], float),
+        np.array([r.thrust_max for _, r in rows], float),
+        np.array([j for j, _ in rows], np.int64),
+    )
+
+
+def gimbals_of(robot: "Robot") -> Gimbals:
+    """Returns the apparatuses of `robot`: joints, thrust points and limits."""
+    n = len(robot.modules.apparatuses)
+    rotors = robot.rotors
+    link_body, thrust_body = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    roll_body, pitch_body = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
+    frames, points, axes = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+    limit = np.zeros(n)
+    for j, a in enumerate(robot.modules.apparatuses):
+        mine = np.flatnonzero(rotors.apparatus == j)
+        bodies = {int(b) for b in rotors.body[mine]}
+        if len(bodies) != 1:
+            raise DescriptionError(
+                f"apparatus {j + 1}: its rotors {a.rotor_links} stand on different moving bodies; "
+                "make them apparatuses of their own."
+            )
+        thrust_body[j] = bodies.pop()
+        points[j] = rotors.position[mine].mean(axis=0)
+        mean = rotors.axis[mine].mean(axis=0)
+        if np.linalg.norm(mean) < 1e-9:
+            raise DescriptionError(f"apparatus {j + 1}: its rotors push against each other.")
+        axes[j] = mean / np.linalg.norm(mean)
+        limit[j] = rotors.thrust_max[mine].sum()
+        roll_body[j] = robot.body_of_joint(a.roll) if a.roll else -1
+        pitch_body[j] = robot.body_of_joint(a.pitch) if a.pitch else -1
+        above = [b for b in (roll_body[j], pitch_body[j]) if b >= 0]
+        base = int(robot.tree.parent[min(above)]) if above else int(thrust_body[j])
+        link_body[j], frames[j] = base, np.eye(3)
+        if a.link is not None:
+            body, turned, _ = robot.body_of_link(a.link)
+            if body == base:
+                frames[j] = turned
+    return Gimbals(
+        link_body, frames, roll_body, pitch_body, thrust_body, points, axes, limit
+    )

@@ -1,0 +1,246 @@
+"""The numbers of a run, from its recording alone; every key says its unit.
+
+A metric is absent where its channel is absent, and None where it is undefined (a value that is
+not finite), so that a check on it fails. Position errors are target − actual in world axes;
+attitude errors are the rotation vector of ``Rᵀ R_target`` in the body's axes, which for the few
+hundredths of a radian of ZN23 Tables 4 and 6 is their roll, pitch and yaw error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from snakegen.errors import LogError
+from snakegen.verify.recording import Recording
+
+Floats = NDArray[np.float64]
+
+AIRBORNE = 0.05  # m above the floor: off it, whatever the landing gear does
+TOUCHING = 1e-4  # m: contact
+SETTLED = 10.0  # s, after which drives are measured (HA's start error has then decayed)
+AT_LIMIT = 1e-3  # share of the thrust range that counts as being at its end
+
+
+def metrics(recording: Recording) -> dict[str, Any]:
+    """Returns the metrics of a run inside ``meta["metrics_window_s"]`` (default: all of it).
+
+    Returns:
+        JSON-able dict; among others ``position_rmse_m`` and ``attitude_rmse_rad`` (three numbers
+        each), ``position_max_m``, ``saturation_share`` (share of the ticks on which any rotor is
+        at a limit), ``thrust_headroom`` (smallest 1 − λ/λ_max), ``joint_torque_use`` and
+        ``gimbal_torque_use`` (largest |τ|/limit), ``min_floor_distance_m`` (after take-off),
+        ``took_off``, ``floor_contact_after_takeoff_s``, ``sigma_min``, ``energy_j`` (∫ P dt).
+
+    Raises:
+        LogError: a limit in ``meta`` whose length does not fit its channel.
+    """
+    start, end = _window(recording)
+    out: dict[str, Any] = {"duration_s": float(end - start), "finite": _all_finite(recording)}
+    for part in (_tracking, _thrusts, _torques, _clearances, _minima, _energy):
+        out.update(part(recording, start, end))
+    return {key: _plain(value) for key, value in out.items()}
+
+
+def position_error(recording: Recording) -> Floats:
+    """Returns target − position, (T, 3) m, at the times of `position`."""
+    target = recording.held("position_target", recording.times("position"))
+    return target - recording.channel("position").values
+
+
+def attitude_error(recording: Recording) -> Floats:
+    """Returns the rotation vector of ``Rᵀ R_target``, (T, 3) rad, at the times of `attitude`."""
+    actual = recording.channel("attitude").values
+    target = recording.held("attitude_target", recording.times("attitude"))
+    return rotation_vectors(actual, target)
+
+
+def rotation_vectors(actual: Floats, target: Floats) -> Floats:
+    """Returns log(Rᵀ R_target) of quaternions xyzw (T, 4): (T, 3) rad, the short way round."""
+    v, w = -actual[:, :3], actual[:, 3:]
+    vt, wt = target[:, :3], target[:, 3:]
+    vector = w * vt + wt * v + np.cross(v, vt)
+    scalar = w * wt - np.sum(v * vt, axis=1, keepdims=True)
+    vector = np.where(scalar < 0, -vector, vector)
+    size = np.linalg.norm(vector, axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(size, np.abs(scalar))
+    small = size < 1e-12
+    factor = np.where(small, 2.0, angle / np.where(small, 1.0, size))
+    return factor * vector
+
+
+def _tracking(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    pairs: tuple[tuple[str, str, str, Callable[[Recording], Floats]], ...] = (
+        ("position", "position_target", "m", position_error),
+        ("attitude", "attitude_target", "rad", attitude_error),
+    )
+    for name, target, unit, error_of in pairs:
+        if name not in recording.channels or target not in recording.channels:
+            continue
+        time, error = recording.times(name), error_of(recording)
+        inside = _inside(time, start, end)
+        out[f"{name}_rmse_{unit}"] = _rms(error[inside])
+        out[f"{name}_max_{unit}"] = _worst(np.linalg.norm(error[inside], axis=1), np.max)
+        out[f"{name}_end_{unit}"] = error[inside][-1] if inside.any() else None
+        settled = inside & (time > SETTLED)
+        if settled.any():
+            out[f"{name}_rmse_settled_{unit}"] = _rms(error[settled])
+    for name in ("joint", "gimbal"):
+        if {f"{name}_angle", f"{name}_command"} <= recording.channels.keys():
+            time = recording.times(f"{name}_angle")
+            angle = recording.channel(f"{name}_angle").values
+            error = (recording.held(f"{name}_command", time) - angle)[_inside(time, start, end)]
+            out[f"{name}_tracking_max_rad"] = _worst(np.abs(error), np.max)
+    return out
+
+
+def _thrusts(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    if "thrust" not in recording.channels:
+        return {}
+    thrust = _cut(recording, "thrust", start, end)
+    out: dict[str, Any] = {"thrust_max_n": _worst(thrust, np.max)}
+    upper = _limit(recording, "thrust_max", thrust.shape[1])
+    if upper is None:
+        return out
+    lower = _limit(recording, "thrust_min", thrust.shape[1])
+    lower = np.zeros_like(upper) if lower is None else lower
+    asked = thrust
+    if "thrust_command" in recording.channels:
+        asked = _cut(recording, "thrust_command", start, end)
+    slack = AT_LIMIT * (upper - lower)
+    at_limit = np.any((asked >= upper - slack) | (asked <= lower + slack), axis=1)
+    out["saturation_share"] = np.mean(at_limit) if np.all(np.isfinite(asked)) else None
+    out["thrust_headroom"] = _worst(1.0 - thrust / upper, np.min)
+    return out
+
+
+def _torques(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for name in ("joint_torque", "gimbal_torque"):
+        if name not in recording.channels:
+            continue
+        torque = np.abs(_cut(recording, name, start, end))
+        if torque.shape[1] == 0:
+            continue
+        out[f"{name}_max_n_m"] = _worst(torque, np.max)
+        limit = _limit(recording, name, torque.shape[1])
+        if limit is not None:
+            out[f"{name}_use"] = _worst(torque / limit, np.max)
+    return out
+
+
+def _clearances(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for name in ("self_distance", "obstacle_distance"):
+        if name in recording.channels:
+            out[f"min_{name}_m"] = _worst(_cut(recording, name, start, end), np.min)
+    if "floor_distance" not in recording.channels:
+        return out
+    time = recording.times("floor_distance")
+    height = recording.channel("floor_distance").values.min(axis=1)
+    off = np.flatnonzero(height > AIRBORNE)
+    out["took_off"] = bool(off.size)
+    if not off.size:
+        return out
+    aloft = time >= time[off[0]]
+    out["min_floor_distance_m"] = _worst(height[aloft & (time <= end)], np.min)
+    touching = aloft & (time <= end) & (height <= TOUCHING)
+    contact_s = _held_integral(time, touching.astype(float), end)
+    if "floor_contact" in recording.channels:
+        force_time = recording.times("floor_contact")
+        force = np.nansum(recording.channel("floor_contact").values, axis=1)
+        pressed = (force > 0.0) & (force_time >= time[off[0]]) & (force_time <= end)
+        contact_s = max(contact_s, _held_integral(force_time, pressed.astype(float), end))
+    out["floor_contact_after_takeoff_s"] = contact_s
+    return out
+
+
+def _minima(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    keys = {
+        "sigma_min": "sigma_min",
+        "wrench_margin": "wrench_margin_min",
+        "force_margin": "force_margin_min_n",
+        "torque_margin": "torque_margin_min_n_m",
+    }
+    out: dict[str, Any] = {}
+    for name, key in keys.items():
+        if name in recording.channels:
+            values = _cut(recording, name, start, end)
+            # NaN is how a margin says "not defined here"; the rest still has a smallest value.
+            defined = values[~np.isnan(values)]
+            out[key] = _worst(defined, np.min)
+    return out
+
+
+def _energy(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    if "power" not in recording.channels:
+        return {}
+    inside = _inside(recording.times("power"), start, end)
+    time = recording.times("power")[inside]
+    power = recording.channel("power").values.sum(axis=1)[inside]
+    if time.size < 2:
+        return {}
+    energy = np.trapezoid(power, time)
+    return {"energy_j": energy, "power_mean_w": energy / (time[-1] - time[0])}
+
+
+def _window(recording: Recording) -> tuple[float, float]:
+    window = recording.meta.get("metrics_window_s")
+    if window is None:
+        return float(recording.time[0]), float(recording.time[-1])
+    return float(window[0]), float(window[1])
+
+
+def _inside(time: Floats, start: float, end: float) -> NDArray[np.bool_]:
+    return (time >= start) & (time <= end)
+
+
+def _cut(recording: Recording, name: str, start: float, end: float) -> Floats:
+    return recording.channel(name).values[_inside(recording.times(name), start, end)]
+
+
+def _limit(recording: Recording, name: str, width: int) -> Floats | None:
+    value: ArrayLike | None = recording.meta.get("limits", {}).get(name)
+    if value is None:
+        return None
+    limit = np.asarray(value, float)
+    if limit.shape not in ((), (1,), (width,)):
+        raise LogError(f"limits.{name} has {limit.size} numbers for {width} columns")
+    return np.broadcast_to(limit, (width,))
+
+
+def _held_integral(time: Floats, value: Floats, end: float) -> float:
+    """Returns ∫ value dt, each value held to the next time and the last to its own sample."""
+    step = np.diff(time, append=time[-1] + (time[-1] - time[-2] if time.size > 1 else 0.0))
+    return float(np.sum(value * step))
+
+
+def _rms(error: Floats) -> Floats | None:
+    return np.sqrt(np.mean(error**2, axis=0)) if len(error) else None
+
+
+def _worst(values: Floats, pick: Callable[[Floats], Any]) -> float | None:
+    return float(pick(values)) if values.size else None
+
+
+def _all_finite(recording: Recording) -> bool:
+    may_be_undefined = {"wrench_margin", "force_margin", "torque_margin", "sigma_min"}
+    return all(
+        bool(np.all(np.isfinite(c.values)))
+        for name, c in recording.channels.items()
+        if name not in may_be_undefined
+    )
+
+
+def _plain(value: Any) -> Any:
+    """Returns Python numbers and lists; None for a number that is not finite."""
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, np.ndarray):
+        return [_plain(v) for v in value]
+    number = float(value)
+    return number if np.isfinite(number) else None

@@ -1,0 +1,142 @@
+"""The verdict of a run: named checks, each with its number, its bound and whether it holds.
+
+A run that ends lying on the floor has not diverged, yet it has not flown either: so the checks
+ask for take-off, for no contact afterwards and for tracking, not for survival alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from snakegen.errors import MissionError
+
+KINDS = ("at_most", "at_least", "equals")
+_SIGN = {"at_most": "≤", "at_least": "≥", "equals": "="}
+
+FLIGHT_THRESHOLDS: dict[str, dict[str, Any]] = {
+    "finite": {"equals": True},
+    "took_off": {"equals": True},
+    "floor_contact_after_takeoff_s": {"at_most": 0.0},
+    "position_rmse_m": {"at_most": 0.2},
+    "position_max_m": {"at_most": 0.5},
+    "attitude_rmse_rad": {"at_most": 0.2},
+    "saturation_share": {"at_most": 0.05},
+    "joint_torque_use": {"at_most": 0.99, "if_measured": True},
+    "gimbal_torque_use": {"at_most": 0.99, "if_measured": True},
+    "min_self_distance_m": {"at_least": 0.0, "if_measured": True},
+    "min_obstacle_distance_m": {"at_least": 0.0, "if_measured": True},
+}
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check: `metric` against `bound`; a value of None (not measured) never passes."""
+
+    metric: str
+    value: Any
+    kind: str
+    bound: Any
+    passed: bool
+
+    def line(self) -> str:
+        """Returns the check as one line of text."""
+        mark = "ok  " if self.passed else "FAIL"
+        value = "not measured" if self.value is None else _shown(self.value)
+        return f"{mark} {self.metric} = {value} ({_SIGN[self.kind]} {_shown(self.bound)})"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """All checks of a run; it passes when each of them does, and there is at least one."""
+
+    checks: tuple[Check, ...]
+
+    @property
+    def passed(self) -> bool:
+        """True when every check passed."""
+        return bool(self.checks) and all(c.passed for c in self.checks)
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        """The checks that did not pass."""
+        return tuple(c for c in self.checks if not c.passed)
+
+    def thresholds(self) -> dict[str, dict[str, Any]]:
+        """Returns the thresholds that give these checks again from the same metrics."""
+        out: dict[str, dict[str, Any]] = {}
+        for c in self.checks:
+            out.setdefault(c.metric, {})[c.kind] = c.bound
+        return out
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain JSON: ``{"passed": bool, "checks": [{metric, value, kind, …}]}``."""
+        return {"passed": self.passed, "checks": [asdict(c) for c in self.checks]}
+
+    @staticmethod
+    def from_json(data: Mapping[str, Any]) -> Verdict:
+        """Returns the verdict that `to_json` wrote."""
+        return Verdict(tuple(Check(**c) for c in data["checks"]))
+
+    def summary(self) -> str:
+        """Returns one line: passed, or which checks failed."""
+        if self.passed:
+            return f"passed {len(self.checks)} checks"
+        if not self.checks:
+            return "failed: there was nothing to check"
+        return "failed: " + ", ".join(c.metric for c in self.failed)
+
+
+def verdict(metrics: Mapping[str, Any], thresholds: Mapping[str, Mapping[str, Any]]) -> Verdict:
+    """Checks `metrics` against `thresholds`.
+
+    Args:
+        metrics: what `snakegen.verify.metrics.metrics` returns.
+        thresholds: ``{metric: {"at_most" | "at_least" | "equals": bound}}``; a list of numbers is
+            held against a bound of the same length or against one number, entry by entry.
+            ``"if_measured": True`` leaves the check out where the metric is absent; otherwise an
+            absent or undefined number fails.
+
+    Raises:
+        MissionError: a threshold that names no kind of bound, or whose length does not fit.
+    """
+    checks = []
+    for metric, bounds in thresholds.items():
+        kinds = [k for k in bounds if k != "if_measured"]
+        if not kinds or any(k not in KINDS for k in kinds):
+            raise MissionError(f"the threshold of '{metric}' needs one of {', '.join(KINDS)}")
+        value = metrics.get(metric)
+        if value is None and metric not in metrics and bounds.get("if_measured"):
+            continue
+        for kind in kinds:
+            passed = _holds(metric, value, kind, bounds[kind])
+            checks.append(Check(metric, value, kind, bounds[kind], passed))
+    return Verdict(tuple(checks))
+
+
+def _holds(metric: str, value: Any, kind: str, bound: Any) -> bool:
+    if value is None:
+        return False
+    if kind == "equals":
+        return bool(value == bound)
+    values = value if isinstance(value, list | tuple) else [value]
+    bounds = bound if isinstance(bound, list | tuple) else [bound] * len(values)
+    if len(bounds) != len(values):
+        raise MissionError(
+            f"the threshold of '{metric}' has {len(bounds)} numbers, the metric {len(values)}"
+        )
+    if any(v is None or not math.isfinite(v) for v in values):
+        return False
+    if kind == "at_most":
+        return all(v <= b for v, b in zip(values, bounds, strict=True))
+    return all(v >= b for v, b in zip(values, bounds, strict=True))
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_shown(v) for v in value) + "]"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return str(value)
