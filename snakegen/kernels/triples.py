@@ -1,4 +1,4 @@
-"""3-vectors as tuples of floats: they live in registers, where a view of an array counts references.
+"""3-vectors as tuples of floats: in registers, where a view of an array counts references.
 
 Inside a loop over bodies these are three times as fast as the same arithmetic on array views.
 """
