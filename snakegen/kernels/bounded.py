@@ -162,7 +162,7 @@ def ball_allocation(matrix: Floats, wrench: Floats, rows: Floats, limit: Floats)
         limit: (Ñ,) N.
     """
     n3 = matrix.shape[1]
-    q, w, weight = np.empty((6, n3)), np.empty(6), np.repeat(limit, 3)
+    q, w = np.empty((6, n3)), np.empty(6)
     for i in range(6):
         w[i] = rows[i] * wrench[i]
         for c in range(n3):

@@ -151,6 +151,19 @@ def body_twists(
 
 
 @jit
+def centre_velocity(tree: Tree, rotation: Floats, linear: Floats, angular: Floats) -> Floats:
+    """Returns the CoG velocity (3,) [m/s, world] from `body_twists`' result."""
+    speed, arm, out, total = np.zeros(3), np.empty(3), np.empty(3), 0.0
+    for i in range(tree.mass.shape[0]):
+        turn_into(rotation[i], tree.com[i], arm)
+        cross_into(angular[i], arm, out)
+        total += tree.mass[i]
+        for k in range(3):
+            speed[k] += tree.mass[i] * (linear[i, k] + out[k])
+    return speed / total
+
+
+@jit
 def centroidal_motion(
     tree: Tree,
     rotation: Floats,
@@ -168,26 +181,23 @@ def centroidal_motion(
         cog_velocity (3,) [m/s], momentum (3,) [N m s], mean angular velocity (3,) [rad/s]; world.
     """
     linear, angular = body_twists(tree, rotation, position, base_linear, base_angular, rates)
-    total, cog, inertia = mass_properties(tree, rotation, position)
-    n = tree.mass.shape[0]
-    speed, drift = np.empty((n, 3)), np.zeros(3)
+    _, cog, inertia = mass_properties(tree, rotation, position)
+    drift = centre_velocity(tree, rotation, linear, angular)
     arm, out, turned = np.empty(3), np.empty(3), np.empty(3)
-    for i in range(n):
-        turn_into(rotation[i], tree.com[i], arm)
-        cross_into(angular[i], arm, out)
-        for k in range(3):
-            speed[i, k] = linear[i, k] + out[k]
-            drift[k] += tree.mass[i] * speed[i, k] / total
-    momentum = np.zeros(3)
-    for i in range(n):
+    momentum, speed = np.zeros(3), np.empty(3)
+    for i in range(tree.mass.shape[0]):
         r = rotation[i]
+        turn_into(r, tree.com[i], arm)
+        cross_into(angular[i], arm, speed)
+        for k in range(3):
+            speed[k] += linear[i, k] - drift[k]
         turn_back_into(r, angular[i], turned)
         turn_into(tree.inertia[i], turned, out)
         turn_into(r, out, turned)
         turn_into(r, tree.com[i], arm)
         for k in range(3):
             arm[k] += position[i, k] - cog[k]
-        cross_into(arm, speed[i] - drift, out)
+        cross_into(arm, speed, out)
         for k in range(3):
             momentum[k] += turned[k] + tree.mass[i] * out[k]
     return drift, momentum, np.linalg.solve(inertia, momentum)

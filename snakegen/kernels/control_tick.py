@@ -4,13 +4,9 @@ Pose control (eqs 15-19), then allocation: fully actuated (eqs 29-47), under-act
 or a blend of both while the mode changes.
 """
 
-from math import sqrt
-
 import numpy as np
 
-from snakegen.kernels.bounded import box_allocation
-from snakegen.kernels.chain import body_twists, centroidal_motion, forward, mass_properties
-from snakegen.kernels.confined import bounded_forces
+from snakegen.kernels.chain import body_twists, centre_velocity, forward, mass_properties
 from snakegen.kernels.control_types import (
     FLOWN,
     REFUSED,
@@ -22,11 +18,17 @@ from snakegen.kernels.control_types import (
     State,
     Target,
 )
-from snakegen.kernels.fully_actuated import refine, spread_forces, wrench_jacobian
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import matmul_into, turn_back_into
+from snakegen.kernels.mode_allocation import (
+    allocate_dual,
+    allocate_virtual,
+    between,
+    blended,
+    smooth,
+    wrench_scale,
+)
 from snakegen.kernels.pose_law import attitude_error, desired_force, desired_torque, integrate
-from snakegen.kernels.spd import least_norm, least_singular_value
 from snakegen.kernels.tree import Floats, Gimbals, Rotors, Tree
 from snakegen.kernels.underactuated import (
     level_axes,
@@ -38,82 +40,74 @@ from snakegen.kernels.underactuated import (
 from snakegen.kernels.vectoring import joint_order, mounts
 from snakegen.kernels.wrench_map import rotor_counts
 
-LIMIT_SLACK = 1e-9  # N and rad, by which a command may pass a limit before it counts as saturated
-ROUNDS = 20  # of bounded allocation and aiming
+SATURATION = 1e-6  # scaled wrench by which a command may fall short before it counts as saturated
 
 
 @jit
-def wrench_scale(mass: float, gravity: float, length: float) -> Floats:
-    """Returns S (6,): 1 / (m g) for forces, 1 / (m g length) for torques (THEORY A3)."""
-    rows = np.full(6, 1.0 / (mass * gravity))
-    rows[3:] /= length
-    return rows
+def spread_thrust(rotors: Rotors, pushes: Floats) -> Floats:
+    """Returns rotor thrusts (n,) that share each apparatus' thrust (Ñ,) equally."""
+    count = rotor_counts(rotors, pushes.shape[0])
+    thrust = np.empty(rotors.body.shape[0])
+    for r in range(thrust.shape[0]):
+        thrust[r] = pushes[rotors.apparatus[r]] / count[rotors.apparatus[r]]
+    return thrust
 
 
 @jit
-def allocate_virtual(
+def allocate(
     m: Mounts,
+    rotors: Rotors,
     gimbals: Gimbals,
+    law: Law,
+    share: float,
     wrench: Floats,
+    force: Floats,
+    axes: Floats,
+    wanted_axes: Floats,
     rows: Floats,
     last: Floats,
     lower: Floats,
     upper: Floats,
-    law: Law,
 ) -> tuple[Floats, Floats, float, int, float]:
-    """Returns thrust (Ñ,), angles (Ñ, 2), σ_min(J_w), Newton steps and ‖ε‖: eqs 29-47.
+    """Returns rotor thrusts, gimbal angles, σ_min, Newton steps and ‖ε‖ in mode `share`.
 
-    The constrained allocator takes over where the printed one passes a limit; elsewhere both give
-    the least-norm answer. Angles are in joint order.
+    `share` is 0 in dual-rotor mode, 1 in virtual-single-rotor mode, between while blending.
     """
-    n = gimbals.limit.shape[0]
-    thrust, angles = spread_forces(m, wrench, gimbals.limit, lower, upper, last, law.sweeps)
-    scale = 1.0 / (rows[0] * n)
-    steps, size = refine(m, wrench, thrust, angles, rows, scale, law.newton, law.residual)
-    columns = np.ones(3 * n)
-    columns[:n] = gimbals.limit
-    sigma = least_singular_value(wrench_jacobian(m, thrust, angles), rows, columns)
-    beyond = False
-    for j in range(n):
-        beyond |= not (-LIMIT_SLACK <= thrust[j] <= gimbals.limit[j] + LIMIT_SLACK)
-        for k in range(2):
-            beyond |= angles[j, k] < lower[j, k] - LIMIT_SLACK
-            beyond |= angles[j, k] > upper[j, k] + LIMIT_SLACK
-    if law.constrained and (beyond or size > law.residual):
-        thrust, angles = bounded_forces(m, wrench, rows, gimbals.limit, lower, upper, last, ROUNDS)
+    tilt, weight = level_axes(wanted_axes), 1.0 / rows[0]
+    thrust, angles, sigma, steps, size = np.zeros(rotors.body.shape[0]), last, np.inf, 0, 0.0
+    if share > 0.0:
+        pushes, angles, sigma, steps, size = allocate_virtual(
+            m, gimbals, wrench, rows, last, lower, upper, law
+        )
+        thrust = spread_thrust(rotors, pushes)
+    if share < 1.0:
+        leaning = vectored_gimbals(m, force, axes, tilt, weight, law, lower, upper, last)
+        mixed = share * angles + (1.0 - share) * leaning
+        split, dual_sigma = allocate_dual(m, rotors, mixed, wrench, tilt, rows, law.constrained)
+        if share > 0.0:
+            split = blended(m, rotors, mixed, thrust, split, share, wrench, tilt)
+        thrust, angles, sigma = split, mixed, min(sigma, dual_sigma)
     return thrust, angles, sigma, steps, size
 
 
 @jit
-def allocate_dual(
-    m: Mounts,
-    rotors: Rotors,
-    angles: Floats,
-    wrench: Floats,
-    tilt: Floats,
-    rows: Floats,
-    constrained: int,
-) -> tuple[Floats, float]:
-    """Returns rotor thrusts (n,) and σ_min(Q_trunc) at the given gimbal angles: eqs 20-22.
-
-    Weights: thrusts are normalised by their limits.
-    """
-    q = truncated(rotor_map(m, rotors, angles), tilt)
-    wanted = truncated(wrench.reshape(6, 1), tilt)[:, 0].copy()
-    thrust = least_norm(q, rotors.thrust_max, wanted)
-    if constrained:
-        beyond = np.any(thrust < rotors.thrust_min) or np.any(thrust > rotors.thrust_max)
-        if beyond:
-            thrust = box_allocation(
-                q, wanted, rows[2:], rotors.thrust_max, rotors.thrust_min, rotors.thrust_max
-            )
-    return thrust, least_singular_value(q, rows[2:], rotors.thrust_max)
+def clip_command(
+    rotors: Rotors, lower: Floats, upper: Floats, thrust: Floats, angles: Floats
+) -> None:
+    """Clips thrusts and gimbal angles (joint order) to their limits, in place."""
+    for r in range(thrust.shape[0]):
+        thrust[r] = min(max(thrust[r], rotors.thrust_min[r]), rotors.thrust_max[r])
+    for j in range(angles.shape[0]):
+        for k in range(2):
+            angles[j, k] = min(max(angles[j, k], lower[j, k]), upper[j, k])
 
 
 @jit
-def smooth(s: float) -> float:
-    """Returns ``3 s² - 2 s³``: a blend that starts and ends at rest."""
-    return s * s * (3.0 - 2.0 * s)
+def falls_short(lack: Floats, rows: Floats, share: float, tilt: Floats) -> int:
+    """Tells whether a wrench falls short: in all rows, or in [f_z; τ] unless fully actuated."""
+    if share >= 1.0:
+        return int(np.max(np.abs(rows * lack)) > SATURATION)
+    return int(np.max(np.abs(rows[2:] * truncated(lack.reshape(6, 1), tilt)[:, 0])) > SATURATION)
 
 
 @jit
@@ -144,13 +138,11 @@ def control_tick(
         force_dt: s of position error to add to its integral (0 between ticks of a slower loop).
     """
     rotation, position = forward(tree, measured.rotation, measured.position, measured.angles)
+    linear, spins = body_twists(
+        tree, rotation, position, measured.linear, measured.angular, measured.rates
+    )
     mass, cog, world_inertia = mass_properties(tree, rotation, position)
-    speed, _, _ = centroidal_motion(
-        tree, rotation, position, measured.linear, measured.angular, measured.rates
-    )
-    _, spins = body_twists(
-        tree, rotation, position, measured.linear, measured.angular, measured.rates
-    )
+    speed = centre_velocity(tree, rotation, linear, spins)
     axes, half, inertia = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     matmul_into(rotation[law.axes_body], law.axes_rotation, axes)
     matmul_into(world_inertia, axes, half)
@@ -158,144 +150,48 @@ def control_tick(
     angular = np.empty(3)
     turn_back_into(axes, spins[law.axes_body], angular)
 
-    held = state.saturated
+    stride = dt / law.blend_time if law.blend_time > 0.0 else 1.0
+    blend = min(state.blend + stride, 1.0) if mode == VIRTUAL else max(state.blend - stride, 0.0)
+    share, held = smooth(blend), state.saturated
     pulled = integrate(
         state.force_integral, target.position - cog, force_dt, law.force_integral_limit, held
     )
     force = desired_force(mass, cog, speed, pulled, target, law)
-    blend = state.blend
-    stride = dt / law.blend_time if law.blend_time > 0.0 else 1.0
-    blend = min(blend + stride, 1.0) if mode == VIRTUAL else max(blend - stride, 0.0)
-    share = smooth(blend)
-    weight = mass * law.gravity
-    leaning = tilted_target(force, axes, target.rotation, weight, law)
-    tilt = level_axes(target.rotation)
-    wanted_axes = target.rotation
+    wanted = target.rotation
     if share < 1.0:
-        wanted_axes = between(target.rotation, leaning, 1.0 - share)
-    wound = integrate(
-        state.torque_integral,
-        attitude_error(axes, wanted_axes),
-        dt,
-        law.torque_integral_limit,
-        held,
-    )
-    torque = desired_torque(inertia, axes, angular, wound, wanted_axes, target.angular, law)
+        leaning = tilted_target(force, axes, target.rotation, mass * law.gravity, law)
+        wanted = between(target.rotation, leaning, 1.0 - share)
+    error = attitude_error(axes, wanted)
+    wound = integrate(state.torque_integral, error, dt, law.torque_integral_limit, held)
     wrench = np.empty(6)
     turn_back_into(axes, force, wrench[:3])
-    wrench[3:] = torque
+    wrench[3:] = desired_torque(inertia, axes, angular, wound, wanted, target.angular, law)
 
     rows = wrench_scale(mass, law.gravity, length)
     m = mounts(tree, rotors, gimbals, rotation, position, cog, axes)
     lower, upper = joint_order(m, law.gimbal_lower), joint_order(m, law.gimbal_upper)
     last = joint_order(m, state.gimbals)
-    thrust, angles, sigma, steps, size = np.zeros(rotors.body.shape[0]), last, np.inf, 0, 0.0
-    count = rotor_counts(rotors, gimbals.limit.shape[0])
-    if share > 0.0:
-        pushes, angles, sigma, steps, size = allocate_virtual(
-            m, gimbals, wrench, rows, last, lower, upper, law
-        )
-        for r in range(thrust.shape[0]):
-            j = rotors.apparatus[r]
-            thrust[r] = pushes[j] / count[j]
-    if share < 1.0:
-        held_gimbals = vectored_gimbals(m, force, axes, tilt, weight, law, lower, upper, last)
-        mixed = share * angles + (1.0 - share) * held_gimbals if share > 0.0 else held_gimbals
-        split, dual_sigma = allocate_dual(m, rotors, mixed, wrench, tilt, rows, law.constrained)
-        if share > 0.0:
-            split = blended(m, rotors, mixed, thrust, split, share, wrench, tilt)
-        thrust, angles, sigma = split, mixed, min(sigma, dual_sigma)
-    return finish(
+    thrust, angles, sigma, steps, size = allocate(
         m,
         rotors,
+        gimbals,
         law,
+        share,
         wrench,
-        thrust,
-        angles,
+        force,
+        axes,
+        target.rotation,
+        rows,
+        last,
         lower,
         upper,
-        pulled,
-        wound,
-        blend,
-        sigma,
-        steps,
-        size,
     )
-
-
-@jit
-def between(a: Floats, b: Floats, share: float) -> Floats:
-    """Returns a rotation `share` of the way from a to b, for nearby ones (Gram-Schmidt)."""
-    mixed = (1.0 - share) * a + share * b
-    x = mixed[:, 0] / sqrt(np.sum(mixed[:, 0] ** 2))
-    y = mixed[:, 1] - np.sum(mixed[:, 1] * x) * x
-    y = y / sqrt(np.sum(y * y))
-    out = np.empty((3, 3))
-    for i in range(3):
-        k, l = (i + 1) % 3, (i + 2) % 3
-        out[i, 0], out[i, 1], out[i, 2] = x[i], y[i], x[k] * y[l] - x[l] * y[k]
-    return out
-
-
-@jit
-def blended(
-    m: Mounts,
-    rotors: Rotors,
-    angles: Floats,
-    virtual: Floats,
-    dual: Floats,
-    share: float,
-    wrench: Floats,
-    tilt: Floats,
-) -> Floats:
-    """Returns the thrusts between two modes, corrected so that ``[f_z; τ]`` stays exact."""
-    thrust = share * virtual + (1.0 - share) * dual
-    q = rotor_map(m, rotors, angles)
-    given = np.zeros((6, 1))
-    for k in range(6):
-        given[k, 0] = wrench[k]
-        for r in range(thrust.shape[0]):
-            given[k, 0] -= q[k, r] * thrust[r]
-    lack = truncated(given, tilt)[:, 0].copy()
-    return thrust + least_norm(truncated(q, tilt), rotors.thrust_max, lack)
-
-
-@jit
-def finish(
-    m: Mounts,
-    rotors: Rotors,
-    law: Law,
-    wrench: Floats,
-    thrust: Floats,
-    angles: Floats,
-    lower: Floats,
-    upper: Floats,
-    pulled: Floats,
-    wound: Floats,
-    blend: float,
-    sigma: float,
-    steps: int,
-    size: float,
-) -> tuple[State, Command]:
-    """Clips the command to the limits, notes saturation, and packs memory and command."""
-    saturated = 0
-    for r in range(thrust.shape[0]):
-        low, high = rotors.thrust_min[r], rotors.thrust_max[r]
-        if thrust[r] < low - LIMIT_SLACK or thrust[r] > high - LIMIT_SLACK:
-            saturated = 1
-        thrust[r] = min(max(thrust[r], low), high)
-    for j in range(angles.shape[0]):
-        for k in range(2):
-            if not lower[j, k] - LIMIT_SLACK <= angles[j, k] <= upper[j, k] + LIMIT_SLACK:
-                saturated = 1
-            angles[j, k] = min(max(angles[j, k], lower[j, k]), upper[j, k])
-    given, q = np.zeros(6), rotor_map(m, rotors, angles)
-    for k in range(6):
-        for r in range(thrust.shape[0]):
-            given[k] += q[k, r] * thrust[r]
+    clip_command(rotors, lower, upper, thrust, angles)
+    given = rotor_map(m, rotors, angles) @ thrust
+    short = falls_short(wrench - given, rows, share, level_axes(target.rotation))
     turns = joint_order(m, angles)
     status = FLOWN if sigma >= law.sigma_min else REFUSED
     return (
-        State(pulled, wound, turns, blend, saturated),
+        State(pulled, wound, turns, blend, short),
         Command(thrust, turns, wrench, given, sigma, steps, size, status),
     )
