@@ -1,0 +1,185 @@
+"""Meshes: closed, where they claim to be, the same bytes twice; inertias against trimesh's."""
+
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from snakegen.description import meshes
+from snakegen.errors import DescriptionError
+
+PARTS = {
+    "fan": meshes.ducted_fan(),
+    "small_fan": meshes.ducted_fan(0.07, 0.05, 3, spin=-1),
+    "cross": meshes.joint_cross(),
+    "bracket_y": meshes.u_bracket(0.06, 0.05),
+    "bracket_z": meshes.u_bracket(0.06, 0.05, axis="z"),
+    "ring": meshes.gimbal_ring(0.05, 0.02),
+    "yoke": meshes.apparatus_yoke(0.0125, 0.037, 0.12),
+    "yoke_flat": meshes.apparatus_yoke(0.0125, 0.001, 0.12),
+    "drum": meshes.screw_drum(0.075, 0.206, math.pi / 4),
+    "drum_left": meshes.screw_drum(0.075, 0.206, math.pi / 4, hand=-1, wheels_per_blade=0),
+}
+GIVEN_SIZE = {
+    "fan": (1.0, 1.0, 0.7),
+    "small_fan": (0.07, 0.07, 0.05),
+    "cross": (1.0, 0.84, 0.84),
+    "drum_left": (0.206, None, None),
+}
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_closed_and_light(name: str) -> None:
+    mesh = PARTS[name]
+    assert mesh.is_watertight and mesh.is_winding_consistent
+    assert all(body.volume > 0 for body in mesh.split(only_watertight=False))
+    assert 100 < len(mesh.faces) <= 3000
+
+
+@pytest.mark.parametrize("name", GIVEN_SIZE)
+def test_size(name: str) -> None:
+    for found, asked in zip(PARTS[name].extents, GIVEN_SIZE[name], strict=True):
+        assert asked is None or found == pytest.approx(asked, rel=2e-3)
+
+
+def radius_about_x(mesh: trimesh.Trimesh) -> float:
+    return float(np.linalg.norm(mesh.vertices[:, 1:], axis=1).max())
+
+
+def test_drum_wheels_touch_their_radius() -> None:
+    assert radius_about_x(PARTS["drum"]) == pytest.approx(0.075, rel=0.02)
+    assert radius_about_x(PARTS["drum_left"]) < 0.065
+
+
+@pytest.mark.parametrize("hand", [1, -1])
+def test_drum_blades_follow_the_helix_angle(hand: int) -> None:
+    """At the ground (z < 0) seen from above, a blade runs along [cos α, sin α] (HA eq 3)."""
+    alpha = 0.5
+    drum = meshes.screw_drum(0.1, 0.08, alpha, hand=hand, blades=1, wheels_per_blade=0)
+    blade = max(drum.split(), key=lambda body: np.linalg.norm(body.centroid[1:]))
+    outer = blade.vertices[np.linalg.norm(blade.vertices[:, 1:], axis=1) > 0.08]
+    azimuth = np.unwrap(np.arctan2(outer[:, 2], outer[:, 1])) + np.pi / 2
+    slope = np.polyfit(outer[:, 0], 0.1 * azimuth, 1)[0]
+    assert slope == pytest.approx(hand * math.tan(alpha), rel=1e-6)
+    assert blade.centroid[2] < 0
+
+
+@pytest.mark.parametrize("spin", [1, -1])
+def test_fan_blows_down(spin: int) -> None:
+    """A blade's leading edge (ahead in the sense of rotation) lies higher: thrust is along +z."""
+    fan = meshes.ducted_fan(blades=7, spin=spin)
+    heights = []
+    for body in fan.split():
+        x, y, z = body.centroid
+        if math.hypot(x, y) < 0.1 or z < 0:
+            continue
+        around = spin * np.array([-y, x]) / math.hypot(x, y)
+        ahead = (body.vertices[:, :2] - [x, y]) @ around
+        heights.append(np.polyfit(ahead, body.vertices[:, 2], 1)[0])
+    assert len(heights) == 7 and min(heights) > 0.2
+
+
+def test_mirror_fans_are_mirror_images() -> None:
+    one, other = (meshes.ducted_fan(spin=spin) for spin in (1, -1))
+    assert one.volume == pytest.approx(other.volume)
+    assert np.array_equal(one.vertices * [1, -1, 1], other.vertices)
+
+
+def test_cross_pins_lie_on_the_two_axes() -> None:
+    vertices = PARTS["cross"].vertices
+    assert vertices[vertices[:, 1] > 0.41].mean(axis=0)[0] == pytest.approx(-0.32)
+    assert vertices[vertices[:, 2] > 0.41].mean(axis=0)[0] == pytest.approx(0.32)
+
+
+def test_bytes_repeat_and_load(tmp_path: Path) -> None:
+    first = meshes.write_meshes(tmp_path / "a", PARTS)
+    second = meshes.write_meshes(tmp_path / "b", {"fan": meshes.ducted_fan()})
+    assert first["fan"].read_bytes() == second["fan"].read_bytes()
+    assert not first["fan"].read_bytes().startswith(b"solid")
+    for name, path in first.items():
+        loaded = trimesh.load_mesh(path)
+        assert loaded.volume == pytest.approx(PARTS[name].volume, rel=1e-2)
+        # at 70 mm the blades' trailing edges are thinner than the rounding
+        assert loaded.is_watertight or name == "small_fan"
+
+
+def test_stl_ignores_the_last_bit() -> None:
+    mesh = meshes.joint_cross()
+    shaken = trimesh.Trimesh(mesh.vertices * (1 + 4e-16), mesh.faces, process=False)
+    assert not np.array_equal(shaken.vertices, mesh.vertices)
+    assert meshes.stl_bytes(shaken) == meshes.stl_bytes(mesh)
+    moved = trimesh.Trimesh(mesh.vertices * (1 + 1e-4), mesh.faces, process=False)
+    assert meshes.stl_bytes(moved) != meshes.stl_bytes(mesh)
+
+
+def test_mujoco_reads_every_mesh(tmp_path: Path) -> None:
+    meshes.write_meshes(tmp_path, PARTS)
+    assets = "".join(f'<mesh name="{n}" file="{tmp_path}/{n}.stl"/>' for n in PARTS)
+    geoms = "".join(f'<geom type="mesh" mesh="{n}"/>' for n in PARTS)
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><asset>{assets}</asset><worldbody>{geoms}</worldbody></mujoco>"
+    )
+    assert model.nmesh == len(PARTS)
+
+
+lengths = st.floats(0.01, 10)
+
+
+def triangle(moments: np.ndarray) -> bool:
+    low, mid, high = np.sort(np.linalg.eigvalsh(moments))
+    return bool(low > 0 and high <= (low + mid) * (1 + 1e-9))
+
+
+@given(lengths, st.tuples(lengths, lengths, lengths))
+@settings(max_examples=50, deadline=None)
+def test_box_inertia(mass: float, size: tuple[float, float, float]) -> None:
+    _, found = meshes.mesh_inertia(trimesh.creation.box(size), mass)
+    assert np.allclose(meshes.box_inertia(mass, size), found, rtol=1e-9, atol=1e-9 * found.max())
+    assert triangle(found)
+
+
+@given(lengths, lengths, lengths, st.floats(0.1, 0.95))
+@settings(max_examples=25, deadline=None)
+def test_round_inertias(mass: float, radius: float, length: float, bore: float) -> None:
+    """A prism of n sides has the cylinder's moments to O(1/n²)."""
+    solid = meshes.solids.cylinder(radius, 0, length, "x", 256)
+    tube = meshes.solids.cylinder(radius, 0, length, "x", 256, bore=bore * radius)
+    for mesh, closed in (
+        (solid, meshes.cylinder_inertia(mass, radius, length)),
+        (tube, meshes.tube_inertia(mass, radius, bore * radius, length)),
+    ):
+        centre, found = meshes.mesh_inertia(mesh, mass)
+        assert np.allclose(centre, [length / 2, 0, 0], atol=1e-6 * (length + radius))
+        assert np.allclose(closed, found, rtol=5e-4, atol=1e-6 * found.max())
+        assert triangle(closed)
+
+
+def test_mesh_inertia_is_about_the_centre_of_mass() -> None:
+    cross = PARTS["cross"]
+    far = trimesh.Trimesh(cross.vertices + np.array([3.0, -2.0, 1.0]), cross.faces, process=False)
+    (c0, i0), (c1, i1) = meshes.mesh_inertia(cross, 2.0), meshes.mesh_inertia(far, 2.0)
+    assert np.allclose(c1 - c0, [3, -2, 1]) and np.allclose(i0, i1, rtol=1e-6)
+    assert triangle(i0)
+    assert np.allclose(meshes.mesh_inertia(cross, 4.0)[1], 2 * i0)
+
+
+def test_refusals() -> None:
+    open_box = trimesh.creation.box((1, 1, 1))
+    open_box.update_faces(np.arange(12) > 1)
+    with pytest.raises(DescriptionError, match="not closed"):
+        meshes.mesh_inertia(open_box, 1.0)
+    with pytest.raises(DescriptionError, match="diameter > 0"):
+        meshes.ducted_fan(-1.0)
+    with pytest.raises(DescriptionError, match="blades > 0"):
+        meshes.ducted_fan(blades=0)
+    with pytest.raises(DescriptionError, match="radius > 0"):
+        meshes.screw_drum(math.nan, 1.0, 0.3)
+    with pytest.raises(DescriptionError, match="±π/2"):
+        meshes.screw_drum(0.1, 1.0, 1.6)
+    with pytest.raises(DescriptionError, match="'y' or 'z'"):
+        meshes.u_bracket(1.0, 1.0, axis="x")
