@@ -1,0 +1,189 @@
+"""Actuation: rank, condition and class of each mode, against the paper's own rule (THEORY A3)."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from snakegen.analysis.allocation import Allocation, allocation
+from snakegen.geometry import Floats
+from snakegen.robot import Robot
+from snakegen.words import motions
+
+COMMAND = "actuation"
+ORDER = 20
+RANK_TOLERANCE = 1e-6  # of the largest singular value
+
+
+@dataclass(frozen=True)
+class Rank:
+    """Scaled singular values of an allocation matrix, ``S Q diag(λ_max)``."""
+
+    matrix: str
+    singular_values: tuple[float, ...]
+    rank: int
+    condition: float  # σ1/σ6, infinite when the rank is below 6
+    lost: tuple[str, ...]  # motions that no thrust works on, in words
+
+    @property
+    def sigma_min(self) -> float:
+        """The smallest of the six singular values."""
+        return self.singular_values[-1]
+
+
+@dataclass(frozen=True)
+class ModeClass:
+    """The class of one mode in one posture, and why."""
+
+    mode: str
+    value: str
+    sentence: str
+    paper: str  # what the paper's rule says
+    agrees: bool
+
+
+@dataclass(frozen=True)
+class Actuation:
+    """Ranks of the four allocation matrices and of all inputs together; a class per mode."""
+
+    tolerance: float
+    force_scale: float
+    torque_scale: float
+    ranks: tuple[Rank, ...]
+    modes: tuple[ModeClass, ...]
+    allocation: Allocation
+
+    def rank_of(self, matrix: str) -> Rank:
+        """Returns the rank entry of ``dual``, ``virtual``, ``force``, ``jacobian`` or ``all``."""
+        return next(r for r in self.ranks if r.matrix == matrix)
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data for a program."""
+        return {
+            "rank_tolerance": self.tolerance,
+            "force_scale_N": self.force_scale,
+            "torque_scale_Nm": self.torque_scale,
+            "ranks": {
+                r.matrix: {
+                    "rank": r.rank,
+                    "scaled_singular_values": list(r.singular_values),
+                    "condition": r.condition if np.isfinite(r.condition) else None,
+                    "lost": list(r.lost),
+                }
+                for r in self.ranks
+            },
+            "modes": [asdict(m) for m in self.modes],
+            "allocation": self.allocation.to_json(),
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Returns (label, text) pairs for people."""
+        out = []
+        for r in self.ranks:
+            values = " ".join(f"{s:.3g}" for s in r.singular_values)
+            condition = f"cond {r.condition:.3g}" if np.isfinite(r.condition) else "singular"
+            out.append((f"rank of Q {r.matrix}", f"{r.rank}   σ {values}   {condition}"))
+        for m in self.modes:
+            out.append((m.mode, f"{m.value}: {m.sentence}"))
+            if not m.agrees:
+                out.append(("", f"the paper's rule says otherwise: {m.paper}"))
+        return out
+
+
+def applies(robot: Robot) -> bool:
+    """A robot with rotors."""
+    return bool(robot.modules.apparatuses)
+
+
+def scaled(robot: Robot, matrix: Floats, columns: Floats) -> Floats:
+    """Returns ``diag(1/F0, 1/T0) matrix diag(columns)``, free of units."""
+    rows = np.repeat([1.0 / robot.force_scale, 1.0 / robot.torque_scale], 3)
+    return np.asarray(rows[:, None] * matrix * columns)
+
+
+def analyze(robot: Robot, q: Floats) -> Actuation:
+    """Ranks the allocation matrices at q and classes each mode.
+
+    Columns are scaled by the largest thrust; a gimbal's column counts 1 rad. Tolerance 1e-6 σ1.
+    """
+    a = allocation(robot, q)
+    limits, rotor_limits = robot.gimbals.limit, robot.rotors.thrust_max
+    count = limits.size
+    gimbal = np.ones(2 * count)
+    inputs = {
+        "dual": (a.dual, rotor_limits),
+        "virtual": (a.virtual, limits),
+        "force": (a.force, np.repeat(limits, 3)),
+        "jacobian": (a.jacobian, np.concatenate([limits, gimbal])),
+        "all": (
+            np.hstack([a.dual, a.jacobian[:, count:]]),
+            np.concatenate([rotor_limits, gimbal]),
+        ),
+    }
+    ranks = {k: _rank(robot, k, m, c, a.thrust_points) for k, (m, c) in inputs.items()}
+    trunc = scaled(robot, a.dual, rotor_limits)[2:]
+    return Actuation(
+        RANK_TOLERANCE,
+        robot.force_scale,
+        robot.torque_scale,
+        tuple(ranks.values()),
+        (_dual_class(ranks["dual"], trunc, count), _virtual_class(ranks, count)),
+        a,
+    )
+
+
+def _rank(robot: Robot, name: str, matrix: Floats, columns: Floats, points: Floats) -> Rank:
+    whole = np.zeros((6, max(6, matrix.shape[1])))
+    whole[:, : matrix.shape[1]] = scaled(robot, matrix, columns)
+    left, sigma, _ = np.linalg.svd(whole)
+    rank = int(np.sum(sigma > RANK_TOLERANCE * sigma[0])) if sigma[0] > 0 else 0
+    condition = float(sigma[0] / sigma[5]) if rank == 6 else float("inf")
+    unscale = np.repeat([1.0 / robot.force_scale, 1.0 / robot.torque_scale], 3)
+    twists = unscale[:, None] * left[:, rank:]
+    lost = motions(twists, robot.link_length, points)
+    return Rank(name, tuple(float(s) for s in sigma), rank, condition, lost)
+
+
+def _dual_class(rank: Rank, truncated: Floats, count: int) -> ModeClass:
+    """Gimbals held, every rotor free: six, or four degrees of freedom, or no stable hover."""
+    paper = "underactuated by design: the paper flies two apparatuses in this mode"
+    sigma = np.linalg.svd(truncated, compute_uv=False)
+    four = sigma.size == 4 and sigma[-1] > RANK_TOLERANCE * sigma[0]
+    if rank.rank == 6:
+        return ModeClass(
+            "dual_rotor", "fully_actuated", "Q_dual has rank 6 with the gimbals held", paper, True
+        )
+    if four:
+        sentence = (
+            f"Q_dual has rank {rank.rank}; altitude and attitude are free "
+            f"(σ4 of [f_z; τ] {sigma[-1]:.3g}), {'; '.join(rank.lost)} are not"
+        )
+        return ModeClass("dual_rotor", "underactuated", sentence, paper, True)
+    sentence = (
+        f"Q_dual has rank {rank.rank} and [f_z; τ] not 4: thrusts alone cannot hold the attitude; "
+        "yaw needs κ ≠ 0 with spins that alternate between apparatuses"
+    )
+    return ModeClass("dual_rotor", "uncontrollable", sentence, paper, count != 2)
+
+
+def _virtual_class(ranks: dict[str, Rank], count: int) -> ModeClass:
+    """Thrust and gimbals free: full when the instantaneous map J_w has rank 6."""
+    jacobian, force = ranks["jacobian"], ranks["force"]
+    full = jacobian.rank == 6
+    paper_full = count > 2
+    paper = (
+        f"Ñ = {count} {'>' if paper_full else '≤'} 2, so "
+        f"{'fully' if paper_full else 'under'}-actuated"
+    )
+    if full and force.rank == 6:
+        sentence = f"J_w has rank 6 (σ6/σ1 {1 / jacobian.condition:.2g}), as has Q_force"
+    elif full:
+        sentence = (
+            f"J_w reaches rank 6 through the gimbal offset alone (σ6/σ1 "
+            f"{1 / jacobian.condition:.2g}); Q_force has rank {force.rank} and cannot "
+            f"resist {'; '.join(force.lost)}"
+        )
+    else:
+        sentence = f"J_w has rank {jacobian.rank}: {'; '.join(jacobian.lost)} is lost"
+    value = "fully_actuated" if full else "underactuated"
+    return ModeClass("virtual_single_rotor", value, sentence, paper, full == paper_full)

@@ -1,0 +1,191 @@
+"""Hover: the thrust that each rotor and apparatus needs, its reserve, and the φ servo's load."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from snakegen.analysis.allocation import Allocation, allocation
+from snakegen.geometry import Floats
+from snakegen.kernels.bounded import box_allocation
+from snakegen.robot import Robot
+
+COMMAND = "hover"
+ORDER = 40
+_MET = 1e-6  # of the weight: a hover whose wrench is met to this is a hover
+
+
+@dataclass(frozen=True)
+class Hover:
+    """Hover thrusts in both modes, gimbals as given (the command line points thrust up first).
+
+    Attributes:
+        dual_thrust: (n,) N, least-norm within the limits; nearest to hover where it is none.
+        dual_residual: share of the weight (torque: of weight · link length) left unmet.
+        virtual_thrust: (Ñ,) N, ‖f_j‖ of the least-norm forces, eq 36.
+        virtual_residual: as above, of the unlimited least-norm answer.
+        thrust_max, apparatus_max: N, limits.
+        roll_moment: (Ñ,) N m, moment of λ1 − λ2 about the roll axis in dual-rotor hover.
+        roll_moment_range: (Ñ,) N m, the same at its largest, one rotor full and one at minimum.
+        roll_effort: (Ñ,) N m, the roll servo's limit, inf where there is no such joint.
+        weight: N.
+    """
+
+    dual_thrust: Floats
+    dual_residual: float
+    virtual_thrust: Floats
+    virtual_residual: float
+    thrust_max: Floats
+    apparatus_max: Floats
+    roll_moment: Floats
+    roll_moment_range: Floats
+    roll_effort: Floats
+    weight: float
+
+    @property
+    def thrust_to_weight(self) -> float:
+        """Sum of largest thrusts over the weight."""
+        return float(self.thrust_max.sum() / self.weight)
+
+    @property
+    def dual_feasible(self) -> bool:
+        """Whether dual-rotor mode hovers within its limits at these gimbal angles."""
+        return self.dual_residual < _MET
+
+    @property
+    def virtual_feasible(self) -> bool:
+        """Whether the least-norm forces of eq 36 hover within the limits."""
+        met = self.virtual_residual < _MET
+        return bool(met and np.all(self.virtual_thrust <= self.apparatus_max * (1 + 1e-9)))
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data for a program."""
+        return {
+            "weight_N": self.weight,
+            "thrust_to_weight": self.thrust_to_weight,
+            "dual_rotor": {
+                "feasible": self.dual_feasible,
+                "thrust_N": self.dual_thrust.tolist(),
+                "saturation": (self.dual_thrust / self.thrust_max).tolist(),
+                "residual": self.dual_residual,
+                "roll_servo_moment_Nm": self.roll_moment.tolist(),
+                "roll_servo_moment_max_Nm": self.roll_moment_range.tolist(),
+                "roll_servo_limit_Nm": [
+                    None if np.isinf(e) else float(e) for e in self.roll_effort
+                ],
+            },
+            "virtual_single_rotor": {
+                "feasible": self.virtual_feasible,
+                "thrust_N": self.virtual_thrust.tolist(),
+                "saturation": (self.virtual_thrust / self.apparatus_max).tolist(),
+                "residual": self.virtual_residual,
+            },
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Returns (label, text) pairs for people."""
+        return [
+            ("weight, thrust to weight", f"{self.weight:.2f} N, {self.thrust_to_weight:.2f}"),
+            self._row("virtual-single-rotor", self.virtual_feasible, self.virtual_thrust,
+                      self.apparatus_max, self.virtual_residual),
+            self._row("dual-rotor", self.dual_feasible, self.dual_thrust,
+                      self.thrust_max, self.dual_residual),
+            ("moment of λ1 − λ2 on φ servo", self._servo()),
+        ]  # fmt: skip
+
+    def _row(
+        self, mode: str, feasible: bool, thrust: Floats, limit: Floats, residual: float
+    ) -> tuple[str, str]:
+        share = float(np.max(thrust / limit))
+        values = " ".join(f"{t:.2f}" for t in thrust)
+        if feasible:
+            return f"hover, {mode}", f"{values} N   (at most {100 * share:.0f} % of the limit)"
+        why = (
+            f"{100 * residual:.3g} % of the weight cannot be balanced"
+            if residual >= _MET
+            else f"{100 * share:.0f} % of the limit"
+        )
+        return f"hover, {mode}", f"not within limits: {values} N, {why}"
+
+    def _servo(self) -> str:
+        finite = np.isfinite(self.roll_effort)
+        if not finite.any():
+            return "no roll servo"
+        now = np.abs(self.roll_moment[finite])
+        most = np.abs(self.roll_moment_range[finite])
+        effort = self.roll_effort[finite]
+        return (
+            f"hover {now.max():.3f} N m, at most {most.max():.2f} N m with one rotor full "
+            f"(servo {effort.min():.2f} N m: {100 * float((most / effort).max()):.0f} %)"
+        )
+
+
+def applies(robot: Robot) -> bool:
+    """A robot with rotors and a free base."""
+    return bool(robot.modules.apparatuses) and robot.floating
+
+
+def analyze(robot: Robot, q: Floats) -> Hover:
+    """Returns hover thrusts at q in both modes, their reserve and the roll servos' load.
+
+    Dual: ``min ‖λ/λ_max‖`` with ``Q_dual λ = w0`` and the limits (a small QP). Virtual: eq 36,
+    ``F = Q_force^# w0``. Roll moment: ``Σ_k λ_k (p_k − o) × u_k + drag``, along the roll axis.
+    """
+    a = allocation(robot, q)
+    rotors, gimbals = robot.rotors, robot.gimbals
+    rows = np.repeat([1.0 / robot.force_scale, 1.0 / robot.torque_scale], 3)
+    dual = box_allocation(
+        a.dual, a.hover_wrench, rows, rotors.thrust_max, rotors.thrust_min, rotors.thrust_max
+    )
+    forces = np.linalg.pinv(rows[:, None] * a.force, rcond=1e-9) @ (rows * a.hover_wrench)
+    moment, largest = _roll_moments(robot, a, dual)
+    effort = np.array(
+        [
+            robot.limits([robot.joint_names[b - 1]])[2][0] if b >= 0 else np.inf
+            for b in gimbals.roll_body
+        ]
+    )
+    return Hover(
+        dual,
+        float(np.linalg.norm(rows * (a.dual @ dual - a.hover_wrench))),
+        np.linalg.norm(forces.reshape(-1, 3), axis=1),
+        float(np.linalg.norm(rows * (a.force @ forces - a.hover_wrench))),
+        np.array(rotors.thrust_max),
+        np.array(gimbals.limit),
+        moment,
+        largest,
+        effort,
+        a.mass * 9.81,
+    )
+
+
+def _roll_moments(robot: Robot, a: Allocation, thrust: Floats) -> tuple[Floats, Floats]:
+    """Returns each roll servo's moment [N m] for `thrust`, and the largest the limits allow."""
+    rotors, gimbals = robot.rotors, robot.gimbals
+    now, most = np.zeros(gimbals.limit.size), np.zeros(gimbals.limit.size)
+    for j in range(gimbals.limit.size):
+        mine = np.flatnonzero(rotors.apparatus == j)
+        # at hover the roll axis and the thrust are square: use the link's own x as the axis
+        axis = a.link_axes[j] @ _roll_axis(robot, j)
+        arm = a.rotor_positions[mine] - a.thrust_points[j]
+        unit = (
+            np.cross(arm, a.rotor_axes[mine])
+            + rotors.torque_ratio[mine, None] * a.rotor_axes[mine]
+        ) @ axis
+        now[j] = float(unit @ thrust[mine])
+        high, low = rotors.thrust_max[mine], rotors.thrust_min[mine]
+        up = np.where(unit > 0, high, low) @ unit
+        down = np.where(unit < 0, high, low) @ unit
+        most[j] = max(abs(float(up)), abs(float(down)))
+    return now, most
+
+
+def _roll_axis(robot: Robot, j: int) -> Floats:
+    """Returns the roll axis of apparatus j in its link's axes."""
+    roll = int(robot.gimbals.roll_body[j])
+    if roll < 0:
+        return np.array([1.0, 0.0, 0.0])
+    in_parent = robot.tree.rotation[roll] @ robot.tree.axis[roll]
+    if robot.tree.parent[roll] == robot.gimbals.link_body[j]:
+        return np.asarray(robot.gimbals.link_rotation[j].T @ in_parent)
+    return np.array([1.0, 0.0, 0.0])

@@ -1,0 +1,53 @@
+"""Mass, centre of gravity and inertia of the whole body in a posture."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from snakegen.geometry import Floats
+from snakegen.kernels.chain import forward, mass_properties
+from snakegen.robot import Robot
+
+COMMAND = "mass"
+ORDER = 10
+
+
+@dataclass(frozen=True)
+class Mass:
+    """kg, m, kg m²; root-link axes, CoG from the root link's origin."""
+
+    mass: float
+    cog: Floats
+    inertia: Floats
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data for a program."""
+        return {
+            "mass_kg": self.mass,
+            "cog_m": self.cog.tolist(),
+            "inertia_kg_m2": self.inertia.tolist(),
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Returns (label, text) pairs for people."""
+        moments = np.linalg.eigvalsh(self.inertia)
+        return [
+            ("mass", f"{self.mass:.3f} kg"),
+            ("CoG from the root link", "{:+.4f} {:+.4f} {:+.4f} m".format(*self.cog)),
+            ("principal inertia", "{:.4f} {:.4f} {:.4f} kg m²".format(*moments)),
+        ]
+
+
+def applies(robot: Robot) -> bool:
+    """Every robot has mass."""
+    return robot.mass > 0
+
+
+def analyze(robot: Robot, q: Floats) -> Mass:
+    """Returns mass properties at q (a fixed root's own mass is left out)."""
+    q = robot.check_q(q)
+    base, origin = robot.base_pose(q)
+    rotation, position = forward(robot.tree, base, origin, robot.angles(q))
+    mass, cog, inertia = mass_properties(robot.tree, rotation, position)
+    return Mass(float(mass), base.T @ (cog - origin), base.T @ inertia @ base)

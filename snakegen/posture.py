@@ -1,0 +1,91 @@
+"""Postures: read from files, and completed with the gimbal angles of a hover."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from snakegen import yaml_file
+from snakegen.errors import PostureError
+from snakegen.geometry import Floats
+from snakegen.kernels.chain import centre_of_gravity, forward
+from snakegen.kernels.vectoring import mounts, point_thrust
+from snakegen.robot import Robot
+
+
+def read_posture(path: Path) -> dict[str, Any]:
+    """Reads a posture file: YAML, joint names with angles in rad, ``base_rpy`` too."""
+    data = yaml_file.read(path)
+    if data is None:
+        return {}
+    if not isinstance(data, dict):
+        raise PostureError(f"{path.name}: a posture is a mapping, as in {{joint1_yaw: 0.5}}.")
+    return data
+
+
+def parse_joints(items: Iterable[str]) -> dict[str, float]:
+    """Returns the angles of ``name=value`` items."""
+    out: dict[str, float] = {}
+    for item in items:
+        name, equals, value = item.partition("=")
+        try:
+            out[name.strip()] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise PostureError(f"--joint '{item}': write name=value, as in joint1_yaw=0.5.")
+    return out
+
+
+def hover_gimbals(robot: Robot, q: Floats, up: Floats | None = None) -> Floats:
+    """Returns q with gimbal angles that point every apparatus' thrust up.
+
+    An apparatus whose gimbals cannot reach the vertical gets the nearest direction they can.
+
+    Args:
+        robot: the robot.
+        q: (nq,) configuration; its gimbal angles are where the search starts.
+        up: (3,) unit, world; the vertical if absent.
+    """
+    gimbals, rotors, tree = robot.gimbals, robot.rotors, robot.tree
+    count = gimbals.link_body.size
+    if count == 0:
+        return np.array(q)
+    base, origin = robot.base_pose(q)
+    angles = robot.angles(q)
+    rotation, position = forward(tree, base, origin, angles)
+    _, cog = centre_of_gravity(tree, rotation, position)
+    frames = mounts(tree, rotors, gimbals, rotation, position, cog, base)
+    wanted = base.T @ (np.array([0.0, 0.0, 1.0]) if up is None else np.asarray(up, float))
+    low, high, _ = robot.limits(robot.joint_names)
+    out = np.array(q)
+    for j in range(count):
+        bodies = sorted(b for b in (gimbals.roll_body[j], gimbals.pitch_body[j]) if b >= 0)
+        last, lower, upper, found = np.zeros(2), np.full(2, -np.pi), np.full(2, np.pi), np.zeros(2)
+        for k, body in enumerate(bodies):
+            last[k], lower[k], upper[k] = angles[body - 1], low[body - 1], high[body - 1]
+        point_thrust(frames, j, wanted, last, lower, upper, found)
+        for k, body in enumerate(bodies):
+            set_angle(robot, out, robot.joint_names[body - 1], found[k])
+    return out
+
+
+def set_angle(robot: Robot, q: Floats, name: str, angle: float) -> None:
+    """Writes the angle [rad] of joint `name` into q."""
+    joint = robot.model.joints[robot.model.getJointId(name)]
+    if joint.nq == 2:
+        q[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
+    else:
+        q[joint.idx_q] = angle
+
+
+def angles_by_name(robot: Robot, q: Floats) -> dict[str, float]:
+    """Returns the joint angles [rad] of q by name."""
+    return {n: float(a) for n, a in zip(robot.joint_names, robot.angles(q), strict=True)}
+
+
+def neutral(robot: Robot) -> Floats:
+    """Returns the configuration with every joint at 0."""
+    return np.array(pin.neutral(robot.model))
