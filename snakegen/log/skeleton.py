@@ -7,6 +7,7 @@ inside it, for thousands of instants together, so this walks the joints once wit
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
@@ -40,6 +41,26 @@ class Skeleton:
     name: str
     root: str
     joints: tuple[Joint, ...]
+    tips: dict[str, Floats]  # (3,) m per link: the end of its longest cylinder or box
+
+    def spine(self) -> list[str]:
+        """The body: `link1`, `link2` … where links are named so, else the longest way out."""
+        route = {self.root: [self.root]}
+        for j in self.joints:
+            route[j.child] = [*route[j.parent], j.child]
+        body = [name for name in route if re.fullmatch(r"link\d+", name)]
+        if len(body) > 1:
+            return max((route[name] for name in body), key=len)
+        return max(route.values(), key=len)
+
+    def body_line(self, poses: dict[str, Poses]) -> Floats:
+        """Returns the body as a line through its link origins to its tip, (T, n, 3) m."""
+        links = self.spine()
+        points = [poses[name][1] for name in links]
+        if links[-1] in self.tips:
+            rotation, position = poses[links[-1]]
+            points.append(position + rotation @ self.tips[links[-1]])
+        return np.stack(points, axis=1)
 
     def moving(self) -> tuple[Joint, ...]:
         """The joints that turn or slide."""
@@ -90,7 +111,8 @@ def skeleton(urdf: str) -> Skeleton:
         for j in by_parent.get(front.pop(0), []):
             ordered.append(j)
             front.append(j.child)
-    return Skeleton(robot.get("name", "robot"), roots[0], tuple(ordered))
+    tips = {e.get("name", ""): tip for e in robot.findall("link") if (tip := _tip(e)) is not None}
+    return Skeleton(robot.get("name", "robot"), roots[0], tuple(ordered), tips)
 
 
 def joint_angles(labels: tuple[str, ...], q: Floats) -> dict[str, Floats]:
@@ -133,9 +155,7 @@ def rotations_about(axis: Floats, angle: Floats) -> Floats:
 
 
 def _joint(element: ET.Element) -> Joint:
-    origin = element.find("origin")
-    xyz = _vector(None if origin is None else origin.get("xyz"), "0 0 0")
-    rpy = _vector(None if origin is None else origin.get("rpy"), "0 0 0")
+    rotation, xyz = _origin(element)
     axis_element = element.find("axis")
     axis = _vector(None if axis_element is None else axis_element.get("xyz"), "1 0 0")
     ends = [element.find(tag) for tag in ("parent", "child")]
@@ -146,10 +166,36 @@ def _joint(element: ET.Element) -> Joint:
         element.get("type", "fixed"),
         parent,
         child,
-        rotation_from_rpy(rpy),
+        rotation,
         xyz,
         axis / size,
     )
+
+
+def _origin(element: ET.Element) -> tuple[Floats, Floats]:
+    origin = element.find("origin")
+    xyz = _vector(None if origin is None else origin.get("xyz"), "0 0 0")
+    rpy = _vector(None if origin is None else origin.get("rpy"), "0 0 0")
+    return rotation_from_rpy(rpy), xyz
+
+
+def _tip(link: ET.Element) -> Floats | None:
+    """Returns the end, farthest from the link's origin, of its longest cylinder or box."""
+    best, length = None, 0.0
+    for visual in link.findall("visual"):
+        rotation, xyz = _origin(visual)
+        cylinder, box = visual.find("geometry/cylinder"), visual.find("geometry/box")
+        if cylinder is not None:
+            half = np.array([0.0, 0.0, 0.5 * float(cylinder.get("length", "0"))])
+        elif box is not None:
+            size = _vector(box.get("size"), "0 0 0")
+            half = np.where(np.arange(3) == np.argmax(size), 0.5 * size, 0.0)
+        else:
+            continue
+        if np.linalg.norm(half) > length:
+            length = float(np.linalg.norm(half))
+            best = max((xyz + rotation @ half, xyz - rotation @ half), key=np.linalg.norm)
+    return best
 
 
 def _vector(text: str | None, default: str) -> Floats:

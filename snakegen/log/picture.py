@@ -1,0 +1,149 @@
+"""The picture of a log: as rerun's viewer draws it, else drawn by matplotlib from the log."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time as clock
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from snakegen.errors import LogError
+from snakegen.log.read import read
+from snakegen.log.style import TIMELINE
+
+STARTING = 30.0  # s a viewer may take to answer
+
+
+def snapshot(
+    path: str | Path,
+    png: str | Path,
+    time: float | None = None,
+    *,
+    renderer: str = "auto",
+    size: tuple[int, int] = (1600, 1000),
+) -> str:
+    """Draws the log `path` into the file `png`.
+
+    Args:
+        path: an .rrd that snakegen wrote.
+        png: the picture to write.
+        time: s; by default the middle of the run.
+        renderer: ``viewer`` (rerun's own, without a window, on 127.0.0.1), ``matplotlib``, or
+            ``auto``: the viewer where it starts, else matplotlib.
+        size: pixels.
+
+    Returns:
+        The renderer that drew it, ``viewer`` or ``matplotlib``.
+
+    Raises:
+        LogError: the log cannot be read, the picture cannot be written, or the viewer was asked
+            for and does not start (it needs a Vulkan driver).
+    """
+    path, png = Path(path), Path(png)
+    recording = read(path)
+    if not png.parent.is_dir():
+        raise LogError(f"cannot write {png}: there is no folder {png.parent}")
+    if renderer not in ("auto", "viewer", "matplotlib"):
+        raise LogError(f"no renderer '{renderer}'; there are auto, viewer, matplotlib")
+    first, last = float(recording.time[0]), float(recording.time[-1])
+    at = 0.5 * (first + last) if time is None else min(max(time, first), last)
+    if renderer != "matplotlib":
+        try:
+            _draw_with_viewer(path, png, at, size)
+            return "viewer"
+        except LogError:
+            if renderer == "viewer":
+                raise
+    from snakegen.log.plain_picture import draw
+
+    draw(recording, png, at, size)
+    return "matplotlib"
+
+
+def _draw_with_viewer(path: Path, png: Path, at: float, size: tuple[int, int]) -> None:
+    with tempfile.TemporaryDirectory() as folder, _viewer(size) as client:
+        shot = Path(folder) / "shot.png"
+        try:
+            _wait_loaded(client, client.open(str(path.resolve())))
+            client.set_time(TIMELINE, duration=at, play_state="paused")
+            # The first frame after a seek may be painted before its meshes and plots are in.
+            client.save_screenshot(str(shot))
+            clock.sleep(0.3)
+            client.save_screenshot(str(shot))
+        except (RuntimeError, ValueError, ConnectionError) as error:
+            raise LogError(f"the viewer could not draw {path}: {error}") from None
+        if not shot.is_file():
+            raise LogError(f"the viewer drew no picture of {path}")
+        try:
+            shutil.move(shot, png)
+        except OSError as error:
+            raise LogError(f"cannot write {png}: {error.strerror}") from None
+
+
+def _wait_loaded(client: Any, opened: Any) -> None:
+    until = clock.monotonic() + STARTING
+    while opened.loading and clock.monotonic() < until:
+        if not client.get_state().loading:
+            return
+        clock.sleep(0.1)
+
+
+@contextlib.contextmanager
+def _viewer(size: tuple[int, int]) -> Iterator[Any]:
+    """A viewer without a window on a free port of 127.0.0.1; ended with all its children.
+
+    `ViewerClient.spawn` would start it listening on every address, so it is started here.
+    """
+    from rerun.experimental import ViewerClient
+
+    port = _free_port()
+    command = [sys.executable, "-m", "rerun", "--headless", "--bind", "127.0.0.1"]
+    command += ["--port", str(port), "--hide-welcome-screen"]
+    command += ["--window-size", f"{size[0]}x{size[1]}"]
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
+        try:
+            yield _connected(process, ViewerClient, f"rerun+http://127.0.0.1:{port}/proxy", output)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGTERM)
+            try:
+                process.wait(5.0)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+
+
+def _connected(process: Any, client: Any, url: str, output: Any) -> Any:
+    until = clock.monotonic() + STARTING
+    while clock.monotonic() < until:
+        if process.poll() is not None:
+            output.seek(0)
+            text = output.read().decode(errors="replace")
+            if "adapter" in text:
+                raise LogError(
+                    "rerun's viewer found no graphics adapter; Debian's mesa-vulkan-drivers and "
+                    "libvulkan1 give it a software one"
+                )
+            last = text.strip().splitlines()[-1:] or ["it said nothing"]
+            raise LogError(f"rerun's viewer did not start: {last[0]}")
+        with contextlib.suppress(Exception):  # it is not listening yet
+            viewer = client.connect(url)
+            viewer.get_state()
+            return viewer
+        clock.sleep(0.1)
+    raise LogError(f"rerun's viewer did not answer within {STARTING:.0f} s")
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,94 @@
+"""The time series of a log: one entity a channel, one series a column, grouped by meaning."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snakegen.log import style
+from snakegen.verify.metrics import attitude_error, position_error
+from snakegen.verify.recording import Recording
+
+Floats = NDArray[np.float64]
+
+HIDDEN = ("configuration", "disturbance point")  # groups that say nothing as a curve
+_COMMANDS = {"thrust_command": "thrust", "gimbal_command": "gimbals", "joint_command": "joints"}
+
+
+class Series(NamedTuple):
+    """One plotted channel."""
+
+    group: str  # the plot it is drawn in
+    name: str
+    time: Floats  # (T,) s
+    values: Floats  # (T, k)
+    labels: tuple[str, ...]
+    unit: str
+
+    @property
+    def path(self) -> str:
+        """The entity that holds it."""
+        return f"{folder(self.group)}/{self.name}"
+
+    @property
+    def asked(self) -> bool:
+        """True where it is a command or target: drawn dimmer than what came of it."""
+        return self.name.endswith(("_command", "_target"))
+
+
+def folder(group: str) -> str:
+    """Returns the entity under which a group's series stand."""
+    return "plot/" + group.replace(" ", "_")
+
+
+def series(recording: Recording) -> list[Series]:
+    """Returns what is plotted; errors are worked out here, a command joins what it commands."""
+    out = []
+    if {"position", "position_target"} <= recording.channels.keys():
+        time, error = recording.times("position"), position_error(recording)
+        out.append(Series("position error", "error", time, error, ("x", "y", "z"), "m"))
+    if {"attitude", "attitude_target"} <= recording.channels.keys():
+        time, error = recording.times("attitude"), attitude_error(recording)
+        labels = ("roll", "pitch", "yaw")
+        out.append(Series("attitude error", "error", time, error, labels, "rad"))
+    for name, c in recording.channels.items():
+        group = _COMMANDS.get(name, c.group)
+        if group not in HIDDEN and c.labels:
+            out.append(Series(group, name, recording.times(name), c.values, c.labels, c.unit))
+    return out
+
+
+def groups(recording: Recording) -> dict[str, str]:
+    """Returns the unit of every plot, by group."""
+    out: dict[str, str] = {}
+    for s in series(recording):
+        out.setdefault(s.group, s.unit)
+        if out[s.group] != s.unit and s.unit not in out[s.group]:
+            out[s.group] += f", {s.unit}"
+    return out
+
+
+def log_plots(rec: Any, recording: Recording) -> None:
+    """Writes the time series into the rerun recording `rec`."""
+    import rerun as rr
+
+    shown = series(recording)
+    stride = style.stride_for(sum(s.values.size for s in shown))
+    for s in shown:
+        index, width = style.standing_out(s.values, stride), s.values.shape[1]
+        names = [f"{label} asked" if s.asked else label for label in s.labels]
+        look = rr.SeriesLines(
+            colors=[style.color(i, dim=s.asked) for i in range(width)],
+            names=names,
+            widths=[1.0 if s.asked else 1.5] * width,
+        )
+        rec.log(s.path, look, static=True)
+        rec.send_columns(
+            s.path,
+            [rr.TimeColumn(style.TIMELINE, duration=s.time[index])],
+            rr.Scalars.columns(scalars=s.values[index].ravel()).partition(
+                np.full(len(index), width)
+            ),
+        )

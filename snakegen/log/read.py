@@ -1,0 +1,53 @@
+"""Reading a log back: the recording from the .rrd alone, or one line that says why not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from snakegen.errors import LogError
+from snakegen.log.store import decode
+from snakegen.log.write import ENTITY
+from snakegen.verify.recording import Recording
+
+
+def read(path: str | Path) -> Recording:
+    """Returns the recording that `snakegen.log.write` wrote to `path`, bit for bit.
+
+    Raises:
+        LogError: there is no such file; it is no .rrd; it is cut short; snakegen did not write it.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise LogError(f"there is no log {path}")
+    with path.open("rb") as file:
+        magic = file.read(4)
+    if magic not in (b"RRF2", b"RRIO"):
+        raise LogError(f"{path} is not a rerun log (.rrd)")
+    header, files = _stored(path)
+    return decode(header, files)
+
+
+def _stored(path: Path) -> tuple[str, list[bytes]]:
+    from rerun.chunk import RrdReader
+
+    try:
+        chunks = list(RrdReader(path).store().stream())
+    # rerun raises what its decoder meets: any of it means that the file is not whole.
+    except Exception as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise LogError(f"{path} is cut short or damaged: {reason}") from None
+    for chunk in chunks:
+        if chunk.entity_path.strip("/") == ENTITY:
+            found = _components(chunk.to_record_batch())
+            if found is not None:
+                return found
+    raise LogError(f"{path} is a rerun log, but snakegen did not write it")
+
+
+def _components(batch: Any) -> tuple[str, list[bytes]] | None:
+    fields = {name.rsplit(":", 1)[-1]: i for i, name in enumerate(batch.schema.names)}
+    if not {"header", "columns"} <= fields.keys():
+        return None
+    header = batch.column(fields["header"])[0].as_py()[0]
+    return header, [bytes(data) for data in batch.column(fields["columns"])[0].as_py()]

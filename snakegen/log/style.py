@@ -1,0 +1,77 @@
+"""How a run looks: colours, sizes, and which instants are drawn.
+
+A screen shows about a thousand points across; a log of 60 s at 200 Hz has twelve. What is drawn
+is thinned, what is stored is not (`store`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+TIMELINE = "time"
+FRAME_RATE = 30.0  # Hz, of what moves in 3D
+PLOT_BYTES = 1.5e6  # what all plotted samples together may take
+
+# Okabe & Ito's set, brightened for a dark ground; told apart by colour-blind eyes.
+PALETTE = (
+    (86, 180, 233),
+    (240, 168, 40),
+    (40, 200, 140),
+    (230, 110, 180),
+    (240, 228, 90),
+    (110, 140, 255),
+    (235, 100, 50),
+    (190, 190, 190),
+)
+COG = (255, 255, 255)
+TARGET = (60, 230, 255)
+DISTURBANCE = (255, 70, 255)
+BARE_LINK = (150, 156, 166)  # links whose URDF names no colour
+
+
+def color(index: int, *, dim: bool = False) -> tuple[int, int, int]:
+    """Returns the colour of series `index`; `dim` for what was asked rather than measured."""
+    red, green, blue = PALETTE[index % len(PALETTE)]
+    return (red // 2, green // 2, blue // 2) if dim else (red, green, blue)
+
+
+def saturation_colors(use: Floats) -> NDArray[np.uint8]:
+    """Returns (…, 3) RGB of a use 0…1 of a limit: green, amber from 0.7, red from 0.98."""
+    stops = np.array([0.0, 0.5, 0.75, 0.9, 0.98])
+    red, green = [40.0, 60.0, 240.0, 255.0, 255.0], [200.0, 220.0, 190.0, 120.0, 30.0]
+    blue = [120.0, 90.0, 50.0, 40.0, 30.0]
+    parts = [np.interp(np.nan_to_num(use), stops, p) for p in (red, green, blue)]
+    return np.stack(parts, axis=-1).round().astype(np.uint8)
+
+
+def frames(time: Floats) -> Ints:
+    """Returns the indices of the instants at which the 3D scene is drawn; ends included."""
+    step = float(np.median(np.diff(time))) if time.size > 1 else 1.0
+    stride = max(1, round(1.0 / (FRAME_RATE * step)))
+    index = np.arange(0, time.size, stride)
+    return index if index[-1] == time.size - 1 else np.append(index, time.size - 1)
+
+
+def stride_for(samples: int) -> int:
+    """Returns how many ticks share one plotted point when `samples` numbers are to be plotted."""
+    return max(1, int(np.ceil(8.0 * samples / PLOT_BYTES)))
+
+
+def standing_out(values: Floats, stride: int) -> Ints:
+    """Returns one row index of each run of `stride` rows: the one farthest from the run's mean.
+
+    So a spike of a single tick is still seen in a thinned plot. First and last rows are kept.
+    """
+    rows = len(values)
+    if stride == 1 or rows <= 2 * stride:
+        return np.arange(rows)
+    whole = rows // stride
+    block = np.nan_to_num(values[: whole * stride]).reshape(whole, stride, -1)
+    scale = np.ptp(np.nan_to_num(values), axis=0)
+    away = np.abs(block - block.mean(axis=1, keepdims=True)) / np.where(scale > 0, scale, 1.0)
+    picked = np.arange(whole) * stride + away.max(axis=2).argmax(axis=1)
+    return np.unique(np.concatenate([[0], picked, [rows - 1]]))
