@@ -35,7 +35,7 @@ def _lost_direction(lost, first, out):
     """
     tilt = 0.0
     if lost.shape[1] > 0:
-        u, s, v = np.linalg.svd(np.ascontiguousarray(lost[first : first + 3]))
+        _, s, v = np.linalg.svd(np.ascontiguousarray(lost[first : first + 3]))
         tilt = s[0]
         out[:] = lost @ np.ascontiguousarray(v[0])
     return tilt
@@ -86,12 +86,14 @@ def _within(a, y, margin, normals, squared, rows, stack, sizes, span):
     d, n = a.shape
     basis, lost = subspace(a)
     r = basis.shape[1]
-    off = 0.0
     for i in range(d - r):
-        off = max(off, abs((lost[:, i] * y).sum()))
-    if off > OFF:
-        _outside(a, y, margin, normals)
-        return r
+        # a direction counts as lost below the rank tolerance: its set is thin, not without width
+        thickness = 0.0
+        for j in range(n):
+            thickness += 0.5 * abs((lost[:, i] * a[:, j]).sum())
+        if abs((lost[:, i] * y).sum()) > thickness + OFF:
+            _outside(a, y, margin, normals)
+            return r
     if r > 0:
         _fill(rows, a, y, basis)
         if not tree(rows, r, n, stack, sizes, squared, normals, span, False):
