@@ -4,6 +4,7 @@ matplotlib is imported where it is used, always with the Agg canvas, and the PNG
 the same arrays give the same bytes.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -65,6 +66,8 @@ def limit_chart(
     colours = [RED if o else ORANGE if u > 0.9 else BLUE for o, u in zip(outside, use, strict=True)]
 
     def draw(figure: "Figure") -> None:
+        from matplotlib.patheffects import withStroke
+
         axes = figure.add_subplot()
         place = np.arange(len(values))
         axes.bar(place, upper - lower, bottom=lower, width=0.72, color=PALE, label="within limits")
@@ -75,13 +78,15 @@ def limit_chart(
         for x, value in zip(place, values, strict=True) if len(values) <= 16 else ():
             down = value < 0
             axes.annotate(
-                f"{value:.3g}",
+                f"{value:.3g}".replace("-", "−"),
                 (x, value),
                 (0, -3 if down else 3),
                 textcoords="offset points",
                 ha="center",
                 va="top" if down else "bottom",
                 fontsize=8.5,
+                zorder=6,
+                path_effects=[withStroke(linewidth=2.5, foreground="white")],
             )
         axes.axhline(0.0, color=GREY, linewidth=0.8)
         span = (top - bottom) or 1.0
@@ -135,31 +140,17 @@ def singular_value_chart(
         count = max((len(v) for v in values.values()), default=0)
         width = 0.8 / max(len(values), 1)
         for i, (name, sigma) in enumerate(values.items()):
-            relative = np.asarray(sigma, float) / (sigma[0] if len(sigma) and sigma[0] > 0 else 1.0)
+            first = sigma[0] if len(sigma) and sigma[0] > 0 else 1.0
+            relative = np.asarray(sigma, dtype=float) / first
             place = np.arange(len(relative)) + (i - (len(values) - 1) / 2) * width
-            shown = np.maximum(relative, floor)
-            kept = relative > tolerance
-            label = f"{name}  (rank {kept.sum()})"
-            axes.bar(
-                place,
-                shown / floor,
-                0.92 * width,
-                floor,
-                color=CYCLE[i % 8],
-                label=label,
-                alpha=1.0,
-            )
-            axes.plot(place[~kept], np.full((~kept).sum(), 2.5 * floor), "x", color=CYCLE[i % 8])
-        axes.axhline(tolerance, color=RED, linewidth=1.2, linestyle="--")
-        axes.annotate(
-            f"rank tolerance {tolerance:g}",
-            (count - 0.5, tolerance),
-            (0, 3),
-            textcoords="offset points",
-            ha="right",
-            color=RED,
-            fontsize=8.5,
-        )
+            lost = relative <= tolerance
+            label = f"{name}: rank {np.count_nonzero(~lost)}"
+            colour = CYCLE[i % len(CYCLE)]
+            height = np.maximum(relative, floor) - floor
+            axes.bar(place, height, 0.9 * width, floor, color=colour, label=label)
+            axes.plot(place[lost], np.full(lost.sum(), 2.5 * floor), "x", color=colour)
+        label = f"rank tolerance {tolerance:g}\n× below it: lost"
+        axes.axhline(tolerance, color=RED, linewidth=1.2, linestyle="--", label=label)
         axes.set_yscale("log")
         axes.set_ylim(floor, 4.0)
         axes.set_xlim(-0.6, count - 0.4)
@@ -219,8 +210,9 @@ def margin_map(path: str | Path, values: Array, *, title: str, unit: str) -> Pat
             markeredgecolor=RED,
             markeredgewidth=2,
         )
-        ticks = np.radians([-180, -90, 0, 90, 180])
-        axes.set_xticks(ticks, ["−x", "−y", "+x", "+y", ""], color="white", fontweight="bold")
+        for degrees, name in ((-176, "−x"), (-90, "−y"), (0, "+x"), (90, "+y"), (176, "−x")):
+            axes.text(math.radians(degrees), 0.0, name, color="white", ha="center", va="center")
+        axes.set_xticks(np.radians([-90, 0, 90]), [])
         axes.set_yticks(np.radians([-60, -30, 0, 30, 60]))
         axes.set_title(f"{title}: weakest {low:.3g} {unit} (red ring), +z at the top", pad=12)
         figure.colorbar(shown, ax=axes, shrink=0.8, label=unit)

@@ -2,22 +2,20 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.errors import SnakegenError
-from snakegen.plot_style import BLUE, GREY, INK, ORANGE, PALE, RED, save
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from snakegen.plot_style import BLUE, GREY, INK, ORANGE, RED, save
 
 Array = NDArray[np.float64]
 
 ISOMETRIC = (26.0, -62.0)
 """Elevation and azimuth of the eye [degrees]: a little above, from the front right."""
 
+SHADOW = "#d5d9de"
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 37)
 
 
@@ -36,10 +34,12 @@ def draw_robot(
     view: tuple[float, float] = ISOMETRIC,
     floor: float | None = None,
 ) -> Path | None:
-    """Draws links as rods, joints as balls and rotors as discs, to one scale on all three axes.
+    """Draws links as rods, joints as balls and rotors as discs.
+
+    The projection is parallel: lengths have one scale along all three axes.
 
     Args:
-        target: the path of a PNG, or a matplotlib 3-D axes to draw into.
+        target: the path of a PNG, or matplotlib axes (plain, 2-D) to draw into.
         link_segments: (n, 2, 3) [m], both ends of each link in the world.
         rotor_positions: (r, 3) [m]; None for a robot without rotors.
         rotor_axes: (r, 3) directions of thrust.
@@ -82,17 +82,30 @@ def draw_robot(
         [segments.reshape(-1, 3), arrows.reshape(-1, 3), *_circles(rotors, axes_of, radii)]
     )
     ground = float(points[:, 2].min() - 0.12 * size) if floor is None else floor
+    circles, eye = _circles(rotors, axes_of, radii), _eye(view)
 
     def draw(axes: Any) -> None:
-        axes.view_init(*view)
-        _stage(axes, points, ground, size)
-        _shadow(axes, segments, _circles(rotors, axes_of, radii), ground)
-        _rods(axes, segments, labels, view)
-        _discs(axes, rotors, _circles(rotors, axes_of, radii), arrows, view)
+        # arrows are annotations, which do not widen the axes by themselves
+        axes.plot(*(eye[:2] @ points.T), ",", alpha=0.0)
+        _stage(axes, points, ground, size, eye)
+        _shadow(axes, segments, circles, ground, eye)
+        _rods(axes, segments, labels, eye)
+        _discs(axes, rotors, circles, arrows, eye)
         if cog is not None:
-            x, y, z = _checked("cog", cog, (3,))
-            axes.plot([x, x], [y, y], [z, ground], color=RED, lw=0.9, ls=":", zorder=3)
-            axes.plot([x], [y], [z], "o", color=RED, ms=8, mec="white", zorder=90, label="CoG")
+            centre = _checked("cog", cog, (3,))
+            foot = np.array([centre[0], centre[1], ground])
+            axes.plot(*(eye[:2] @ np.array([centre, foot]).T), color=RED, lw=1, ls=":", zorder=3)
+            axes.plot(
+                *(eye[:2] @ centre),
+                "o",
+                color=RED,
+                ms=9,
+                mec="white",
+                mew=1.5,
+                zorder=90,
+                label="centre of gravity",
+                ls="",
+            )
             axes.legend(loc="upper right")
         if title:
             axes.set_title(title)
@@ -100,12 +113,7 @@ def draw_robot(
     if hasattr(target, "plot"):
         draw(target)
         return None
-
-    def on_figure(figure: "Figure") -> None:
-        axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
-        draw(axes)
-
-    return save(target, (9.0, 6.0), on_figure)
+    return save(target, (9.0, 5.6), lambda figure: draw(figure.add_subplot()))
 
 
 def _checked(name: str, values: Any, shape: tuple[int | None, ...]) -> Array:
@@ -131,89 +139,93 @@ def _circles(centres: Array, normals: Array, radii: Array) -> Array:
     return centres[:, None] + radii[:, None, None] * around
 
 
-def _nearness(points: Array, view: tuple[float, float]) -> Array:
-    """Returns 10…80 by how near the points (n, 3) are to the eye: what is drawn over what."""
+def _eye(view: tuple[float, float]) -> Array:
+    """Returns (3, 3): rows are right, up and towards the eye of an orthographic view [degrees]."""
     tilt, turn = np.radians(view)
-    eye = [np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)]
-    depth = points @ np.array(eye)
+    right = np.array([-np.sin(turn), np.cos(turn), 0.0])
+    towards = np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])
+    return np.array([right, np.cross(towards, right), towards])
+
+
+def _order(points: Array, eye: Array) -> Array:
+    """Returns 10…80 by how near the points (n, 3) are to the eye: what is drawn over what."""
+    depth = points @ eye[2]
+    if not len(depth):
+        return depth
     return 10.0 + 70.0 * (depth - depth.min()) / max(float(np.ptp(depth)), 1e-12)
 
 
-def _stage(axes: Any, points: Array, ground: float, size: float) -> None:
-    """Sets equal scales round the robot and draws the floor with its grid."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    low[2] = min(ground, low[2])
-    half = np.maximum(0.5 * (high - low) + 0.04 * size, 0.16 * size)
-    middle = 0.5 * (low + high)
-    step = next(s for s in (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 1e9) if size / s <= 8)
-    lines = []
-    reach = half[:2] + 0.5 * step
-    first = np.floor((middle[:2] - reach) / step).astype(int)
-    last = np.ceil((middle[:2] + reach) / step).astype(int)
-    (x0, y0), (x1, y1) = first * step, last * step
-    lines += [[(x, y0, ground), (x, y1, ground)] for x in step * np.arange(first[0], last[0] + 1)]
-    lines += [[(x0, y, ground), (x1, y, ground)] for y in step * np.arange(first[1], last[1] + 1)]
+def _stage(axes: Any, points: Array, ground: float, size: float, eye: Array) -> None:
+    """Draws the floor's grid under the robot and fits both into the axes."""
+    step = next(s for s in (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 1e9) if size / s <= 8)
+    x0, y0 = step * np.floor(points[:, :2].min(axis=0) / step - 0.2)
+    x1, y1 = step * np.ceil(points[:, :2].max(axis=0) / step + 0.2)
+    lines = [[(x, y0, ground), (x, y1, ground)] for x in np.arange(x0, x1 + step / 2, step)]
+    lines += [[(x0, y, ground), (x1, y, ground)] for y in np.arange(y0, y1 + step / 2, step)]
     for line in lines:
-        axes.plot(*zip(*line, strict=True), color=PALE, lw=0.9, zorder=1)
-    axes.text(x1, y0, ground, f" grid {step:g} m", color=GREY, fontsize=8, zorder=1)
-    low, high = middle - half, middle + half
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(2.0 * half, zoom=1.25)
+        axes.plot(*(eye[:2] @ np.transpose(line)), color="#dfe3e8", lw=0.9, zorder=1)
+    corner = max(((x, y, ground) for x in (x0, x1) for y in (y0, y1)), key=lambda c: eye[2] @ c)
+    axes.annotate(
+        f"grid {step:g} m",
+        eye[:2] @ corner,
+        (0, -4),
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        color=GREY,
+        fontsize=8,
+    )
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.04)
     axes.set_axis_off()
 
 
-def _shadow(axes: Any, segments: Array, circles: Array, ground: float) -> None:
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    for segment in segments:
-        axes.plot(
-            segment[:, 0],
-            segment[:, 1],
-            [ground] * 2,
-            color="#d5d9de",
-            lw=4,
-            zorder=2,
-            solid_capstyle="round",
-        )
-    flat = circles.copy()
-    flat[..., 2] = ground
-    if len(flat):
-        axes.add_collection3d(Poly3DCollection(flat, facecolor="#d5d9de", zorder=2))
+def _shadow(axes: Any, segments: Array, circles: Array, ground: float, eye: Array) -> None:
+    """Draws what the robot would cast on the floor under light from straight above."""
+    flat, rims = segments.copy(), circles.copy()
+    flat[..., 2], rims[..., 2] = ground, ground
+    for segment in flat:
+        axes.plot(*(eye[:2] @ segment.T), color=SHADOW, lw=5, zorder=2, solid_capstyle="round")
+    for rim in rims:
+        axes.fill(*(eye[:2] @ rim.T), color=SHADOW, lw=0, zorder=2)
 
 
-def _rods(
-    axes: Any, segments: Array, labels: Sequence[str] | None, view: tuple[float, float]
-) -> None:
-    order = _nearness(segments.mean(axis=1), view)
+def _rods(axes: Any, segments: Array, labels: Sequence[str] | None, eye: Array) -> None:
+    """Draws each link as a shaded tube with a ball at its root."""
+    order = _order(segments.mean(axis=1), eye)
     for i, (segment, near) in enumerate(zip(segments, order, strict=True)):
-        for width, colour in ((6.5, INK), (3.6, "#57616d"), (1.2, "#98a2ad")):
-            axes.plot(*segment.T, color=colour, lw=width, zorder=near, solid_capstyle="round")
-        axes.plot(*segment[:1].T, "o", color=ORANGE, ms=7.5, mec=INK, zorder=near + 0.5)
+        line = eye[:2] @ segment.T
+        for width, colour in ((8.0, INK), (5.6, "#57616d"), (1.8, "#9aa4af")):
+            axes.plot(*line, color=colour, lw=width, zorder=near, solid_capstyle="round")
+        # the ball belongs to both links that meet in it
+        above = max(near, order[max(i - 1, 0)]) + 0.1
+        axes.plot(*line[:, :1], "o", color=ORANGE, ms=9, mec=INK, zorder=above)
         if labels is not None:
-            middle = segment.mean(axis=0)
-            axes.text(*middle, f"{labels[i]}\n", fontsize=8.5, ha="center", va="bottom", zorder=95)
-
-
-def _discs(
-    axes: Any, rotors: Array, circles: Array, arrows: Array, view: tuple[float, float]
-) -> None:
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    if not len(rotors):
-        return
-    for rim, arrow, near in zip(circles, arrows, _nearness(rotors, view), strict=True):
-        axes.add_collection3d(
-            Poly3DCollection(
-                [rim], facecolor="#a9c7e8", edgecolor=BLUE, lw=1.6, alpha=0.85, zorder=near
+            axes.annotate(
+                labels[i],
+                line.mean(axis=1),
+                (0, -9),
+                textcoords="offset points",
+                ha="center",
+                va="top",
+                fontsize=8.5,
+                zorder=95,
+                path_effects=_halo(),
             )
-        )
-        axes.plot(*arrow[:1].T, ".", color=BLUE, ms=4, zorder=near + 0.2)
+
+
+def _discs(axes: Any, rotors: Array, circles: Array, arrows: Array, eye: Array) -> None:
+    """Draws each rotor as a disc, and its thrust as an arrow from the disc's middle."""
+    for rim, arrow, near in zip(circles, arrows, _order(rotors, eye), strict=True):
+        axes.fill(*(eye[:2] @ rim.T), facecolor="#a9c7e8dd", edgecolor=BLUE, lw=1.6, zorder=near)
+        tail, tip = (eye[:2] @ arrow.T).T
+        axes.plot(*tail, ".", color=BLUE, ms=4, zorder=near + 0.2)
         if np.any(arrow[1] != arrow[0]):
-            axes.quiver(
-                *arrow[0],
-                *(arrow[1] - arrow[0]),
-                color=RED,
-                lw=1.8,
-                arrow_length_ratio=0.18,
-                zorder=near + 0.3,
-            )
+            style = {"arrowstyle": "-|>", "color": RED, "lw": 1.8, "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", tip, tail, arrowprops=style, zorder=near + 0.3)
+
+
+def _halo() -> list[Any]:
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=2.5, foreground="white")]
