@@ -46,7 +46,7 @@ def _measure(piece: Piece, index: int) -> tuple[float, float]:
 
 
 def path_pieces(path: Path) -> Floats:
-    """Returns the path as the kernels' array (m + 2, 6): ``[s0, x, y, heading, curvature, length]``.
+    """Returns the kernels' array (m + 2, 6): ``[s0, x, y, heading, curvature, length]``.
 
     The first and last rows are the straight continuations. Raises AnalysisError on a bad piece.
     """
@@ -240,7 +240,7 @@ class CrabReference:
 def square(
     side: float, speed: float, acceleration: float, joints: int, heading: float = 0.0
 ) -> CrabReference:
-    """Returns HA's square (1.2 m a side, 0.2 m/s there), at rest in each corner, joints straight."""
+    """Returns HA's square (there 1.2 m, 0.2 m/s), at rest in each corner, joints straight."""
     corners = ((0.0, 0.0), (side, 0.0), (side, side), (0.0, side), (0.0, 0.0))
     law = TimeLaw((side,) * 4, speed, acceleration)
     return CrabReference(corners, (0.0,) * joints, law, heading)

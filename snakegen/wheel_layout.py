@@ -1,8 +1,8 @@
 """Where the passive wheels of a screw drum stand and which way their axles point (HA Figs 2-4).
 
 Drum frame: origin at the drum's centre, x along the link (the drum's axis). A wheel at azimuth γ
-has radial direction ``e_r = [0, sin γ, -cos γ]`` (γ = 0 touches the ground), tangent ``e_t = x̂ × e_r``
-and axle ``cos α x̂ + sin α e_t``; on the ground that is [cos α, sin α, 0], eq 3's direction.
+has radial direction ``e_r = [0, sin γ, -cos γ]`` (γ = 0 touches the ground), tangent
+``e_t = x̂ × e_r`` and axle ``cos α x̂ + sin α e_t``: on the ground [cos α, sin α, 0], as in eq 3.
 """
 
 import math
@@ -20,7 +20,7 @@ ROLLERS = ("helix_capsule", "ring_sphere", "ellipsoid", "ball")
 
 @dataclass(frozen=True)
 class WheelLayout:
-    """m = blades · wheels_per_blade wheels, blade by blade; all of one shape, axle along local z."""
+    """m = blades · wheels_per_blade wheels, blade by blade, all of one shape, axle along z."""
 
     position: Floats  # (m, 3) m, wheel centres in the drum frame
     rotation: Floats  # (m, 3, 3) wheel axes in the drum frame: columns e_r, axle × e_r, axle
@@ -123,7 +123,9 @@ def _half_length(
     return 0.0
 
 
-def _height(rollers: str, alpha: float, rho: float, half: float, centre: float, g: Floats) -> Floats:
+def _height(
+    rollers: str, alpha: float, rho: float, half: float, centre: float, g: Floats
+) -> Floats:
     """Returns the drum's height over ground that touches the wheel at azimuth g [m]."""
     tilt = np.sin(g) * math.sin(alpha)
     if rollers == "ellipsoid":

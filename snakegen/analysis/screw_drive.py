@@ -44,9 +44,9 @@ def constraint_matrices(
 ) -> tuple[Floats, Floats]:
     """Returns A and B of ``A(w) ẇ = B u`` for n units (HA eqs 4-6, THEORY B).
 
-    With ``ℓ_ij = [j=1] L0 + L1 + [j<i] L2`` and ``D_ij = ℓ_ij sin(α_i + ψ_i - ψ_j)``, j ≤ i, row i of
-    A's upper block is ``[cos(α_i+ψ_i), sin(α_i+ψ_i), Σ_{j≥1} D_ij, Σ_{j≥2} D_ij, …]``; below it
-    stands ``[0 | E_{n-1}]``; ``B = diag(-r sin α_1, …, -r sin α_n, 1, …, 1)``.
+    With ``ℓ_ij = [j=1] L0 + L1 + [j<i] L2`` and ``D_ij = ℓ_ij sin(α_i + ψ_i - ψ_j)``, j ≤ i,
+    row i of A's upper block is ``[cos(α_i+ψ_i), sin(α_i+ψ_i), Σ_{j≥1} D_ij, Σ_{j≥2} D_ij, …]``;
+    below it stands ``[0 | E_{n-1}]``; ``B = diag(-r sin α_1, …, -r sin α_n, 1, …, 1)``.
 
     Args:
         w: state (n + 2,) [m, m, rad, rad …].

@@ -1,4 +1,4 @@
-"""Trajectory tracking of a screw drive (HA eq 7) as a pure law: state and reference in, rates out."""
+"""Tracking law of a screw drive (HA eq 7), pure: state and reference in, rates out."""
 
 from dataclasses import dataclass
 
@@ -34,9 +34,7 @@ class ScrewLaw:
         """Returns u (2n - 1,) [rad/s] for the state w, the reference w_d and its rate, (n + 2,)."""
         rate = w_d_dot if self.feedforward else np.zeros_like(w_d)
         state = w if self.feedback else w_d
-        u = wheel_rates(
-            state, w_d, rate, self.gain, self.alpha, self.r, self.L0, self.L1, self.L2
-        )
+        u = wheel_rates(state, w_d, rate, self.gain, self.alpha, self.r, self.L0, self.L1, self.L2)
         n = len(self.alpha)
         excess = max(
             1.0,
@@ -44,17 +42,3 @@ class ScrewLaw:
             float(np.abs(u[n:]).max()) / self.joint_rate,
         )
         return u / excess
-
-
-def speed_limits(
-    u: Floats, units: int, screw_rate: float, joint_rate: float
-) -> tuple[float, float, float]:
-    """Returns the peak screw rate, the peak joint rate [rad/s] and by what factor all may grow.
-
-    `u` (m, 2n - 1) is the input along a path; u is linear in speed, so a path driven at v can be
-    driven at most at factor · v.
-    """
-    screw = float(np.abs(u[:, :units]).max())
-    joint = float(np.abs(u[:, units:]).max(initial=0.0))
-    room = [limit / peak for limit, peak in ((screw_rate, screw), (joint_rate, joint)) if peak > 0]
-    return screw, joint, min(room, default=np.inf)

@@ -115,9 +115,7 @@ def _ball(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
     drum.inertia = [float(np.mean(drum.inertia))] * 3
     for element in [*drum.joints, *drum.geoms]:
         spec.delete(element)
-    drum.add_joint(
-        name=drum.name, type=mujoco.mjtJoint.mjJNT_BALL, armature=contact.screw_armature
-    )
+    drum.add_joint(name=drum.name, type=mujoco.mjtJoint.mjJNT_BALL, armature=contact.screw_armature)
     sphere = mujoco.mjtGeom.mjGEOM_SPHERE
     _roller(
         drum.add_geom(name=f"{drum.name}_contact", type=sphere, size=[contact.radius, 0, 0]),
@@ -158,7 +156,7 @@ def decorate_screws(spec: mujoco.MjSpec, contact: ScrewContact) -> None:
 
 
 def decorate_caster(spec: mujoco.MjSpec, name: str, track: float, wheel_radius: float) -> None:
-    """Gives caster body `name` two frictionless balls at y = ±track/2 that touch z = 0 of its frame.
+    """Gives caster `name` two frictionless balls at y = ±track/2 that touch z = 0 of its frame.
 
     Two, for a robot that is straight stands on a line: they carry the drums' reaction moment.
     """

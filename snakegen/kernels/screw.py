@@ -1,4 +1,4 @@
-"""Compiled parts of the screw drive: constraint matrices, smallest singular value, chords on a path.
+"""Compiled parts of the screw drive: no-slip constraints and chords on a path.
 
 HA eqs 1-6 as THEORY part B reads them. A path is an array with a row per piece,
 ``[s0, x0, y0, heading0, curvature, length]``; its first and last rows are lines that have no end.
@@ -48,22 +48,6 @@ def unit_rows(
 
 
 @jit
-def smallest_sigma(
-    shapes: Floats, alpha: Floats, L0: float, L1: float, L2: float, scale: float
-) -> Floats:
-    """Returns σ₃ of `unit_rows` for each of the shapes (m, n-1), from the Gram matrix's roots.
-
-    Its accuracy is about 1e-8 near 0 (the square root of rounding): a search value, not a rank test.
-    """
-    out = np.empty(shapes.shape[0])
-    for m in range(shapes.shape[0]):
-        rows = unit_rows(shapes[m], alpha, L0, L1, L2, scale)
-        gram = rows.T @ rows
-        out[m] = math.sqrt(max(np.linalg.eigvalsh(gram)[0], 0.0))
-    return out
-
-
-@jit
 def path_point(pieces: Floats, s: float) -> tuple[float, float, float]:
     """Returns x, y and the (unwrapped) heading of the path at arc length s."""
     k = 0
@@ -90,7 +74,7 @@ def piece_point(pieces: Floats, k: int, s: float) -> tuple[float, float, float]:
 
 @jit
 def _crossing(pieces: Floats, k: int, s_high: float, px: float, py: float, chord: float) -> float:
-    """Returns where piece k, followed backwards from s_high, leaves the circle round p; else nan."""
+    """Returns where piece k, going back from s_high, leaves the circle round p; else nan."""
     if pieces[k, 4] == 0.0:
         hx, hy = math.cos(pieces[k, 3]), math.sin(pieces[k, 3])
         qx, qy, _ = piece_point(pieces, k, s_high)

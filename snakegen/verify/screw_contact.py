@@ -42,8 +42,17 @@ class ContactDrive:
         self.yaw_q = self.model.jnt_qposadr[joints]
         self.head = int(_ids(self.model, mujoco.mjtObj.mjOBJ_SITE, ["control_point"])[0])
         self.data = mujoco.MjData(self.model)
-        self.turns = 0.0
+        self.unit_of = self._units()
         self.reset(np.zeros(self.units + 2))
+
+    def _units(self) -> NDArray[np.int64]:
+        """Returns for each body the index of the drum it belongs to, -1 for all others."""
+        unit = np.full(self.model.nbody, -1)
+        for i in range(self.units):
+            drum = _ids(self.model, mujoco.mjtObj.mjOBJ_BODY, [f"screw{i + 1}"])[0]
+            unit[drum] = i
+            unit[self.model.body_parentid == drum] = i
+        return unit
 
     def reset(self, w: ArrayLike) -> None:
         """Puts the drive at rest in state w (n + 2,), the drums touching the ground z = 0."""
@@ -78,6 +87,39 @@ class ContactDrive:
         mujoco.mj_kinematics(self.model, self.data)
 
 
+@dataclass(frozen=True)
+class UnitContacts:
+    """How each drum stands on the ground at one instant; n units, 0 where one is in the air."""
+
+    normal: Floats  # (n,) N
+    cone_use: Floats  # (n,) largest tangential force over friction · normal force, 1: it slides
+    slip: Floats  # (n,) m/s, load-weighted mean speed of the touching material over the ground
+
+
+def unit_contacts(drive: ContactDrive) -> UnitContacts:
+    """Returns the forces, friction use and slip of each drum, as of the last step's start."""
+    model, data = drive.model, drive.data
+    normal, use, slip = (np.zeros(drive.units) for _ in range(3))
+    force = np.zeros(6)
+    for index in range(data.ncon):
+        contact = data.contact[index]
+        body = max(model.geom_bodyid[contact.geom[0]], model.geom_bodyid[contact.geom[1]])
+        unit = drive.unit_of[body]
+        if unit < 0 or contact.efc_address < 0:
+            continue
+        mujoco.mj_contactForce(model, data, index, force)
+        if force[0] <= 0.0:
+            continue
+        spin, velocity = data.cvel[body, :3], data.cvel[body, 3:]
+        arm = contact.pos - data.subtree_com[model.body_rootid[body]]
+        across = contact.frame.reshape(3, 3)[1:] @ (velocity + np.cross(spin, arm))
+        normal[unit] += force[0]
+        slip[unit] += force[0] * math.hypot(*across)
+        shared = math.hypot(force[1], force[2]) / (contact.friction[0] * force[0])
+        use[unit] = max(use[unit], shared)
+    return UnitContacts(normal, use, np.divide(slip, normal, out=slip, where=normal > 0))
+
+
 def mean_twist(before: Floats, after: Floats, duration: float) -> Floats:
     """Returns the constant body twist [vx, vy, ω] that leads from w `before` to w `after`.
 
@@ -94,9 +136,10 @@ def mean_twist(before: Floats, after: Floats, duration: float) -> Floats:
 def measured_twist(
     drive: ContactDrive, shape: ArrayLike, rates: ArrayLike, settle: float, duration: float
 ) -> Floats:
-    """Returns the mean body twist of a drive whose shape is held and whose screws turn at `rates`.
+    """Returns the mean body twist of a drive of held shape whose screws turn at `rates`.
 
-    The screws are brought up over half of `settle` [s]; the mean is taken over `duration` [s] after.
+    The screws are brought up over half of `settle` [s]; the mean is taken over the `duration` [s]
+    that follows.
     """
     shape, rates = np.asarray(shape, float), np.asarray(rates, float)
     drive.reset(np.concatenate([np.zeros(3), shape]))
@@ -121,8 +164,7 @@ def drive_contact(
 ) -> DriveRun:
     """Drives the contact plant along `reference` from rest in w(0) = `start`.
 
-    The law is asked every `period` [s] with the state as it is; slip is the velocity of each drum's
-    ground point along its axle direction that eq 3 says must be 0.
+    The law is asked every `period` [s] with the state as it is; slip is that of `unit_contacts`.
     """
     drive.reset(start)
     steps = max(1, round(period / drive.model.opt.timestep))
@@ -131,6 +173,6 @@ def drive_contact(
         t, w = k * period, drive.state()
         desired, desired_rate = reference.at(t)
         u = law(w, desired, desired_rate)
-        rows.append((t, w, desired, u, np.full(drive.units, np.nan)))
+        rows.append((t, w, desired, u, unit_contacts(drive).slip))
         drive.step(u, steps)
     return DriveRun(*(np.array(column) for column in zip(*rows, strict=True)))

@@ -10,22 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from snakegen.kernels.screw import constraint_block
 from snakegen.paths import Reference
+from snakegen.screw_motion import ScrewGeometry, state_rate
 
 Floats = NDArray[np.float64]
 Law = Callable[[Floats, Floats, Floats], Floats]
-
-
-@dataclass(frozen=True)
-class ScrewGeometry:
-    """What the plant is made of; it may differ from what the law believes."""
-
-    alpha: tuple[float, ...]  # (n,) rad
-    r: float = 0.075  # m
-    L0: float = 0.0  # m
-    L1: float = 0.103  # m
-    L2: float = 0.123  # m
 
 
 @dataclass(frozen=True)
@@ -36,7 +25,7 @@ class DriveRun:
     state: Floats  # (m, n + 2)
     desired: Floats  # (m, n + 2)
     command: Floats  # (m, 2n - 1) rad/s
-    slip: Floats  # (m, n) m/s along each wheel's axle
+    slip: Floats  # (m, n) m/s of each drum over the ground; kinematic: along its wheels' axles
 
     @property
     def error(self) -> Floats:
@@ -47,19 +36,6 @@ class DriveRun:
         """Returns the RMS distance of P from its reference for t > `after` [m]."""
         late = self.error[self.time > after, :2]
         return float(np.sqrt((late**2).sum(axis=1).mean()))
-
-
-def state_rate(w: Floats, u: Floats, geometry: ScrewGeometry) -> tuple[Floats, Floats]:
-    """Returns ẇ (n + 2,) under the input u, and the slip (n,) [m/s] that no motion can avoid.
-
-    The joints turn as told; the body twist is the least-squares answer of the n no-slip rows, and
-    what is left of them is slip along the wheels' axles: 0 for n ≤ 3 or a consistent input.
-    """
-    n = len(geometry.alpha)
-    rows = constraint_block(w, np.array(geometry.alpha), geometry.L0, geometry.L1, geometry.L2)
-    wanted = -geometry.r * np.sin(geometry.alpha) * u[:n] - rows[:, 3:] @ u[n:]
-    twist = np.linalg.lstsq(rows[:, :3], wanted, rcond=1e-9)[0]
-    return np.concatenate([twist, u[n:]]), rows[:, :3] @ twist - wanted
 
 
 def drive_kinematic(

@@ -1,0 +1,91 @@
+"""Compiled search over a screw drive's shapes: σ₃, its gradient, a certified lower bound."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snakegen.kernels.jit import jit
+from snakegen.kernels.screw import unit_rows
+
+Floats = NDArray[np.float64]
+
+
+@jit
+def smallest_sigma(
+    shapes: Floats, alpha: Floats, L0: float, L1: float, L2: float, scale: float
+) -> Floats:
+    """Returns σ₃ of `unit_rows` for each of the shapes (m, n - 1)."""
+    out = np.empty(shapes.shape[0])
+    for m in range(shapes.shape[0]):
+        out[m] = np.linalg.svd(unit_rows(shapes[m], alpha, L0, L1, L2, scale), False)[1][-1]
+    return out
+
+
+@jit
+def sigma_squared(
+    shape: Floats, alpha: Floats, L0: float, L1: float, L2: float, scale: float
+) -> tuple[float, Floats]:
+    """Returns σ₃² and its gradient by the joint angles: ``2 Σ_i (G_i·v) (∂G_i/∂φ_k · v)``.
+
+    v is the right singular vector of σ₃; φ_k turns units k + 1 … n, so only their rows change,
+    and of their levers only the links up to k: ``∂lever_i/∂φ_k = Σ_{j≤k} ℓ_ij cos(α_i+ψ_i-ψ_j)``.
+    """
+    n = alpha.shape[0]
+    rows = unit_rows(shape, alpha, L0, L1, L2, scale)
+    v = np.linalg.svd(rows, True)[2][-1].copy()
+    along = rows @ v
+    psi = np.zeros(n)
+    psi[1:] = np.cumsum(shape)
+    gradient = np.zeros(n - 1)
+    for i in range(1, n):
+        direction = alpha[i] + psi[i]
+        across = -math.sin(direction) * v[0] + math.cos(direction) * v[1]
+        lever = 0.0
+        for k in range(i):
+            length = L1 + L2 + (L0 if k == 0 else 0.0)
+            lever += length * math.cos(direction - psi[k])
+            gradient[k] += 2.0 * along[i] * (across + lever / scale * v[2])
+    return along @ along, gradient
+
+
+@jit
+def certify(
+    lower: Floats,
+    upper: Floats,
+    bound: float,
+    slopes: Floats,
+    alpha: Floats,
+    L0: float,
+    L1: float,
+    L2: float,
+    scale: float,
+    budget: int,
+) -> int:
+    """Returns how many boxes proved ``σ₃ ≥ bound`` on the whole box, else -1 (refuted or too many).
+
+    Over a box of half widths h, σ₃ falls from its centre's value by at most ``Σ_k slopes_k h_k``
+    (Weyl: σ₃ moves no more than the matrix does); boxes are halved where that does not suffice.
+    """
+    d = lower.shape[0]
+    depth = 64 * d + 1
+    centres, halves = np.empty((depth, d)), np.empty((depth, d))
+    centres[0], halves[0] = 0.5 * (lower + upper), 0.5 * (upper - lower)
+    waiting, used = 1, 0
+    while waiting > 0:
+        waiting -= 1
+        centre, half = centres[waiting].copy(), halves[waiting].copy()
+        used += 1
+        rows = unit_rows(centre, alpha, L0, L1, L2, scale)
+        sigma = np.linalg.svd(rows, False)[1][-1]
+        if sigma < bound or used > budget or waiting + 2 > depth:
+            return -1
+        if sigma - slopes @ half >= bound:
+            continue
+        k = int(np.argmax(slopes * half))
+        half[k] *= 0.5
+        for side in (-1.0, 1.0):
+            centres[waiting], halves[waiting] = centre, half
+            centres[waiting, k] += side * half[k]
+            waiting += 1
+    return used

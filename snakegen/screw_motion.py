@@ -1,0 +1,227 @@
+"""What a screw drive can do: motion under an input, slip, path demands, direction cone, radii.
+
+Everything here follows from the no-slip rows of HA eqs 3-6; motor and joint limits are the user's.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from snakegen.errors import AnalysisError
+from snakegen.kernels.screw import constraint_block, follow, unit_rows
+from snakegen.paths import Path, path_length, path_pieces
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ScrewGeometry:
+    """A chain of n screw units as HA draws it; a plant's may differ from what its law believes."""
+
+    alpha: tuple[float, ...]  # (n,) rad
+    r: float = 0.075  # m
+    L0: float = 0.0  # m
+    L1: float = 0.103  # m
+    L2: float = 0.123  # m
+
+    @property
+    def units(self) -> int:
+        """How many units n."""
+        return len(self.alpha)
+
+    @property
+    def scale(self) -> float:
+        """L = L0 + L1 + L2, by which levers are scaled [m]."""
+        return self.L0 + self.L1 + self.L2
+
+    @property
+    def links(self) -> Floats:
+        """Chord lengths from P to the tail (n,) [m]: the joints, and the last link's end."""
+        chords = np.full(self.units, self.L1 + self.L2)
+        chords[0] += self.L0
+        return chords
+
+    def rows(self, shape: ArrayLike, scale: float = 1.0) -> Floats:
+        """Returns the no-slip rows by body twist in P's axes, (n, 3), levers divided by `scale`."""
+        bent = np.ascontiguousarray(shape, float)
+        return unit_rows(bent, np.array(self.alpha), self.L0, self.L1, self.L2, scale)
+
+    def drive(self) -> Floats:
+        """Returns ``-r sin α`` (n,) [m]; raises AnalysisError where an α of 0 makes B singular."""
+        factor = -self.r * np.sin(self.alpha)
+        flat = np.flatnonzero(np.abs(factor) < 1e-9 * self.r)
+        if flat.size:
+            raise AnalysisError(
+                f"B is singular: unit {flat[0] + 1} has a helix angle of "
+                f"{math.degrees(self.alpha[flat[0]]):.4g}°, whose screw drives nothing."
+            )
+        return factor
+
+
+def state_rate(w: Floats, u: Floats, geometry: ScrewGeometry) -> tuple[Floats, Floats]:
+    """Returns ẇ (n + 2,) under the input u, and the slip (n,) [m/s] that no motion can avoid.
+
+    The joints turn as told; the body twist is the least-squares answer of the n no-slip rows, and
+    what is left of them is slip along the wheels' axles: 0 for n ≤ 3 or a consistent input.
+    """
+    g, n = geometry, geometry.units
+    rows = constraint_block(w, np.array(g.alpha), g.L0, g.L1, g.L2)
+    wanted = -g.r * np.sin(g.alpha) * u[:n] - rows[:, 3:] @ u[n:]
+    twist = np.linalg.lstsq(rows[:, :3], wanted, rcond=1e-9)[0]
+    return np.concatenate([twist, u[n:]]), rows[:, :3] @ twist - wanted
+
+
+def slip_sensitivity(
+    geometry: ScrewGeometry, shape: ArrayLike, twist: ArrayLike, error: float = 0.01
+) -> dict[str, float]:
+    """Returns the RMS slip [m/s] when one parameter is believed too large by the share `error`.
+
+    Rates are worked out for `twist` [m/s, m/s, rad/s] with the wrong parameter, the motion with the
+    right ones. A wrong r only changes the speed; a wrong α or length, with more than three units,
+    makes wheels fight. α is changed on unit 1 alone.
+    """
+    wrong = {
+        "alpha_1": replace(geometry, alpha=(geometry.alpha[0] * (1 + error), *geometry.alpha[1:])),
+        **{
+            name: replace(geometry, **{name: getattr(geometry, name) * (1 + error)})
+            for name in ("r", "L1", "L2")
+        },
+    }
+    bent = np.asarray(shape, float)
+    w = np.concatenate([np.zeros(3), bent])
+    found = {}
+    for name, believed in wrong.items():
+        rates = believed.rows(bent) @ np.asarray(twist, float) / believed.drive()
+        slip = state_rate(w, np.concatenate([rates, np.zeros(bent.size)]), geometry)[1]
+        found[name] = float(np.sqrt(np.mean(slip**2)))
+    return found
+
+
+@dataclass(frozen=True)
+class PathDemand:
+    """What following a path takes at a given speed, and the speed that the motors would allow."""
+
+    screw_rate: float  # rad/s, largest
+    joint_rate: float  # rad/s, largest
+    joint_angle: float  # rad, largest
+    speed: float  # m/s, asked for
+    fastest: float  # m/s, where the first limit is met
+
+
+def path_demand(
+    geometry: ScrewGeometry,
+    path: Path,
+    speed: float,
+    screw_rate: float = math.inf,
+    joint_rate: float = math.inf,
+    joint_limit: float = math.inf,
+    spacing: float = 0.005,
+) -> PathDemand:
+    """Returns the peak rates and angles of follow-the-leader along `path` at `speed` [m/s].
+
+    Sampled every `spacing` [m] from the head's start to the tail's leaving the path.
+
+    Raises:
+        AnalysisError: a joint would have to turn beyond `joint_limit`: says which, where, how far.
+    """
+    pieces, links, n = path_pieces(path), geometry.links, geometry.units
+    end = path_length(path) + float(links.sum())
+    count = max(2, math.ceil(end / spacing) + 1)
+    factor = geometry.drive()
+    alpha = np.array(geometry.alpha)
+    states, rates = np.empty((count, n + 2)), np.empty((count, 2 * n - 1))
+    grid = np.linspace(0.0, end, count)
+    for k, s in enumerate(grid):
+        states[k], slope = follow(pieces, s, links)
+        rows = constraint_block(states[k], alpha, geometry.L0, geometry.L1, geometry.L2)
+        rates[k] = np.concatenate([rows @ slope / factor, slope[3:]]) * speed
+    bend = np.abs(states[:, 3:])
+    if bend.max() > joint_limit:
+        k, joint = divmod(int(bend.argmax()), bend.shape[1])
+        raise AnalysisError(
+            f"the path bends joint {joint + 1} to {math.degrees(bend.max()):.1f}° with the head at "
+            f"s = {grid[k]:.2f} m, but it turns {math.degrees(joint_limit):.1f}°; arcs of radius "
+            f"{following_radius(links, joint_limit):.3f} m or more can be followed."
+        )
+    screw, joint_peak = float(np.abs(rates[:, :n]).max()), float(np.abs(rates[:, n:]).max())
+    room = [limit / peak for limit, peak in ((screw_rate, screw), (joint_rate, joint_peak)) if peak]
+    fastest = speed * min(room, default=math.inf)
+    return PathDemand(screw, joint_peak, float(bend.max()), speed, fastest)
+
+
+def following_radius(links: ArrayLike, joint_limit: float) -> float:
+    """Returns the smallest arc radius [m] that a chain follows with joints up to `joint_limit`.
+
+    Neighbouring chords c, c' of a circle meet at ``asin(c/2R) + asin(c'/2R)``.
+    """
+    chords = np.asarray(links, float)
+    if chords.size < 2 or not joint_limit > 0:
+        raise AnalysisError("a turning radius needs two links and a positive joint limit.")
+    tightest = float(chords.max()) / 2
+
+    def bend(radius: float) -> float:
+        half = np.arcsin(np.minimum(chords / (2 * radius), 1.0))
+        return float((half[:-1] + half[1:]).max())
+
+    if bend(tightest) <= joint_limit:
+        return tightest
+    return float(brentq(lambda R: bend(R) - joint_limit, tightest, 1e3 * tightest / joint_limit))
+
+
+@dataclass(frozen=True)
+class DirectionCone:
+    """Largest speed in every direction of travel at a held shape, in P's axes."""
+
+    direction: Floats  # (m,) rad
+    speed: Floats  # (m,) m/s; 0 where the wheels cannot enforce that direction
+
+    def width(self, speed: float) -> float:
+        """Returns the total angle [rad] of directions in which `speed` can be reached."""
+        return float(2 * np.pi * np.mean(self.speed >= speed))
+
+
+def direction_cone(
+    geometry: ScrewGeometry, shape: ArrayLike, screw_rate: float, count: int = 360
+) -> DirectionCone:
+    """Returns the speeds of pure translation that screws of `screw_rate` [rad/s] reach.
+
+    Rates are linear in the twist, so the speed is ``min_i screw_rate / |rate_i per m/s|``. Where
+    the axles leave a twist free (rank < 3) a direction with a part along it cannot be enforced.
+    """
+    rows = geometry.rows(shape, geometry.scale)
+    angle = np.arange(count, dtype=np.float64) * (2 * np.pi / count)
+    twists = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(count)])
+    peak = np.abs(twists @ rows.T / geometry.drive()).max(axis=1)
+    _, sigma, right = np.linalg.svd(rows)
+    free = right[int((sigma > 1e-6 * sigma[0]).sum()) :]
+    enforced = np.linalg.norm(twists @ free.T, axis=1) < 1e-9
+    with np.errstate(divide="ignore"):
+        return DirectionCone(angle, np.where(enforced, screw_rate / peak, 0.0).astype(np.float64))
+
+
+def fixed_shape_radius(
+    geometry: ScrewGeometry, shape: ArrayLike, speed: float, screw_rate: float
+) -> float:
+    """Returns the smallest radius [m] of P's path at forward `speed` with the shape held.
+
+    Forward is -x of P's axes (the body trails). Each screw allows ``|a_i v + b_i ω| ≤ |limit|``:
+    an interval of ω; inf where P cannot turn at that speed, or the speed cannot be reached.
+    """
+    rows = geometry.rows(shape)
+    limit = screw_rate * np.abs(geometry.drive())
+    ahead, turn = -rows[:, 0] * speed, rows[:, 2]
+    if np.linalg.matrix_rank(rows / [1, 1, geometry.scale], tol=1e-6) < 3:
+        return math.inf
+    if (np.abs(ahead) > limit).any():
+        return math.inf
+    moving = np.abs(turn) > 1e-12
+    if not moving.any():
+        return 0.0
+    most = np.stack(
+        [(limit - ahead)[moving] / turn[moving], (-limit - ahead)[moving] / turn[moving]]
+    )
+    fastest = max(float(most.max(axis=0).min()), -float(most.min(axis=0).max()))
+    return speed / fastest if fastest > 0 else math.inf
