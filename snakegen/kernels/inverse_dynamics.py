@@ -6,12 +6,35 @@ base. It is a second way to the same number, so each holds the other in the test
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from snakegen.kernels.jit import jit
-from snakegen.kernels.tree import Floats, Tree
-from snakegen.kernels.triples import Three, back, cross, inner, plus, read, times, turn, write
+from snakegen.kernels.tree import Floats, Ints, Tree
+from snakegen.kernels.triples import (
+    Three,
+    back,
+    cross,
+    inner,
+    minus,
+    plus,
+    read,
+    times,
+    turn,
+    write,
+)
+
+
+class Loads(NamedTuple):
+    """k external wrenches that keep their direction in the world while their body moves."""
+
+    body: Ints  # (k,) the body that bears it
+    point: Floats  # (k, 3) m, where it acts, body frame
+    wrench: Floats  # (k, 6) [force; torque about that point], world axes
+
+
+NO_LOADS = Loads(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 6)))
 
 
 @jit(inline="always")
@@ -121,20 +144,22 @@ def _start(
 
 
 @jit
-def _subtract_wrenches(
-    tree: Tree, base_rotation: Floats, E: Floats, wrenches: Floats, R: Floats, force: Floats
+def _subtract_loads(
+    tree: Tree, base_rotation: Floats, E: Floats, loads: Loads, R: Floats, force: Floats
 ) -> None:
-    """Takes the external wrenches (n, 6), world axes at body origins, from `force`."""
+    """Takes the external wrenches from `force`."""
+    parent, body, point, wrench = tree.parent, loads.body, loads.point, loads.wrench
     R[0] = base_rotation
-    for i in range(tree.parent.shape[0]):
-        if i > 0:
-            for r in range(3):
-                row = R[tree.parent[i], r]
-                turned = back(E, i, (row[0], row[1], row[2]))
-                R[i, r, 0], R[i, r, 1], R[i, r, 2] = turned
-        for k in (0, 3):
-            w = back(R, i, read(wrenches, i, k))
-            write(force, i, k, plus(read(force, i, k), times(w, -1.0)))
+    for i in range(1, parent.shape[0]):
+        for r in range(3):
+            row = R[parent[i], r]
+            R[i, r, 0], R[i, r, 1], R[i, r, 2] = back(E, i, (row[0], row[1], row[2]))
+    for k in range(body.shape[0]):
+        i = body[k]
+        f, m = back(R, i, read(wrench, k, 0)), back(R, i, read(wrench, k, 3))
+        m = plus(m, cross(read(point, k, 0), f))
+        write(force, i, 0, minus(read(force, i, 0), f))
+        write(force, i, 3, minus(read(force, i, 3), m))
 
 
 @jit
@@ -146,7 +171,7 @@ def torques_batch(
     angles: Floats,
     v: Floats,
     a: Floats,
-    wrenches: Floats,
+    loads: Loads,
 ) -> Floats:
     """Returns the generalised forces of m states, (m, 6 + n-1): THEORY C's law as one sum.
 
@@ -160,18 +185,17 @@ def torques_batch(
         angles: (m, n-1) rad (m where the joint slides).
         v: (m, 6 + n-1) base linear and angular velocity in base axes, then joint rates.
         a: (m, 6 + n-1) its time derivative.
-        wrenches: (n, 6) external [force; torque] on each body at its origin, world axes, the
-            same for every state.
+        loads: external wrenches, the same for every state; `NO_LOADS` for none.
     """
     n, m = tree.parent.shape[0], angles.shape[0]
     E, lever, R = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3, 3))
     motion, force, out = np.empty((n, 9)), np.empty((n, 6)), np.empty((m, 5 + n))
-    loaded = np.any(wrenches)
+    loaded = loads.body.shape[0] > 0
     for s in range(m):
         _start(gravity, base_rotation, v, a, s, motion)
         _outwards(tree, angles, v, a, s, E, lever, motion)
         _newton_euler(tree, motion, force)
         if loaded:
-            _subtract_wrenches(tree, base_rotation[s], E, wrenches, R, force)
+            _subtract_loads(tree, base_rotation[s], E, loads, R, force)
         _inwards(tree, armature, a, s, E, lever, force, out)
     return out

@@ -1,0 +1,215 @@
+"""Statics: joint torques of a posture, what they consist of, and what the tip can bear.
+
+THEORY C and A5: ZS24 eqs 11-25 mended and completed, ZN23 eq 6; the law is in `kinetostatics`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from snakegen.errors import AnalysisError
+from snakegen.geometry import Floats
+from snakegen.kernels.dynamics import DEPTHS, EXTERNAL, TERMS
+from snakegen.kinetostatics.law import (
+    DOWN,
+    Depth,
+    joint_torques,
+    torque_terms,
+    twist_matrix,
+)
+from snakegen.kinetostatics.support import hold_up
+from snakegen.kinetostatics.tip import TipLoad, find_tip, tip_load, tip_pose
+from snakegen.kinetostatics.worst import worst_posture
+from snakegen.robot import Robot
+
+__all__ = ["StaticsResult", "analyze", "applies", "joint_torques", "twist_matrix", "worst_posture"]
+
+NAME = "statics"
+SUMMARY = "joint torques, what they consist of, and what the tip can bear"
+
+
+@dataclass(frozen=True)
+class StaticsResult:
+    """Joint torques of a posture.
+
+    Attributes:
+        joints: (n,) names.
+        terms: depth that `torque` has.
+        support: what carries the weight: ``base``, ``hover`` or ``thrust``.
+        torque: (n,) N m.
+        limit: (n,) N m, servo limits.
+        use: (n,) |torque| / limit.
+        by_term: (n,) N m by term name; the terms that the depth sums, and thrust.
+        share: by term, its part of the sum over joints and terms of |torque|.
+        depths: (n,) N m by depth: static, quasi_static, full.
+        base: (6,) [force; torque] that the base must be given, root-link axes; zero in balance.
+        twist_matrix: (6, n).
+        twist_singular_values: of the twist matrix, its rank beside them (tolerance 1e-9 σ1).
+        twist_rank: see above.
+        tip: link and place of the tip (m from the base origin, world axes).
+        tip_load: what the tip can bear, for robots with a chain joint.
+        worst: the hardest posture by joint name, its largest use and the joint, if asked.
+    """
+
+    joints: tuple[str, ...]
+    terms: Depth
+    support: str
+    torque: Floats
+    limit: Floats
+    use: Floats
+    by_term: dict[str, Floats]
+    share: dict[str, float]
+    depths: dict[str, Floats]
+    base: Floats
+    twist_matrix: Floats
+    twist_singular_values: Floats
+    twist_rank: int
+    tip: tuple[str, Floats]
+    tip_load: TipLoad | None
+    worst: dict[str, Any] | None
+
+    @property
+    def overloaded(self) -> tuple[str, ...]:
+        """Names of the joints whose servo is too weak."""
+        return tuple(n for n, u in zip(self.joints, self.use, strict=True) if u > 1.0)
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data; keys carry units, infinite values are null."""
+        load = self.tip_load
+        return {
+            "joints": list(self.joints),
+            "terms": self.terms,
+            "support": self.support,
+            "torque_Nm": self.torque.tolist(),
+            "limit_Nm": _plain(self.limit),
+            "use": _plain(self.use),
+            "overloaded": list(self.overloaded),
+            "by_term_Nm": {k: v.tolist() for k, v in self.by_term.items()},
+            "share": self.share,
+            "depths_Nm": {k: v.tolist() for k, v in self.depths.items()},
+            "base_wrench_N_Nm": self.base.tolist(),
+            "twist_matrix": self.twist_matrix.tolist(),
+            "twist_singular_values": self.twist_singular_values.tolist(),
+            "twist_rank": self.twist_rank,
+            "tip": {"link": self.tip[0], "position_m": self.tip[1].tolist()},
+            "tip_load": None if load is None else _tip_json(load),
+            "worst": self.worst,
+        }
+
+
+def applies(robot: Robot) -> bool:
+    """Tells whether the robot has a joint to speak of."""
+    return len(robot.joint_names) > 0
+
+
+def analyze(
+    robot: Robot,
+    q: ArrayLike,
+    *,
+    v: ArrayLike | None = None,
+    a: ArrayLike | None = None,
+    wrenches: Mapping[str, ArrayLike] | None = None,
+    gravity: ArrayLike = DOWN,
+    terms: Depth = "full",
+    hold: Literal["auto", "base", "hover"] = "auto",
+    thrust: ArrayLike | None = None,
+    tip: str | None = None,
+    tip_point: ArrayLike | None = None,
+    direction: ArrayLike = (0.0, 0.0, -1.0),
+    worst: bool = False,
+    seed: int = 0,
+) -> StaticsResult:
+    """Returns the joint torques of a posture, their terms, and what the tip can bear.
+
+    Args:
+        robot: any robot with a joint.
+        q, v, a, wrenches, gravity, terms, thrust: as in `joint_torques`.
+        hold: what carries the weight: the base, or vectored thrust in hover; ``auto`` hovers where
+            the robot floats and has apparatuses.
+        tip, tip_point: link and point (m, link axes) of the tip; the last link's end if absent.
+        direction: (3,) of the payload's pull.
+        worst: search the hardest posture inside the joint limits too.
+        seed: of that search.
+
+    Raises:
+        SnakegenError: wrong shapes, NaN, names that do not exist, a hover that cannot be.
+    """
+    if not applies(robot):
+        raise AnalysisError(f"{robot.name} has no joint: there is no torque to analyse.")
+    if terms not in DEPTHS:
+        raise AnalysisError(f"terms: '{terms}' is none of {', '.join(DEPTHS)}.")
+    q = robot.check_q(q)
+    given: dict[str, Any] = {"wrenches": wrenches, "gravity": gravity}
+    held = hold_up(robot, q, hold=hold, thrust=thrust, **given)
+    rows = torque_terms(robot, q, v, a, **given)
+    push = torque_terms(robot, q, body_wrenches=held.wrenches, gravity=np.zeros(3))[EXTERNAL]
+    first = 6 if robot.floating else 0
+    depths = {k: rows[list(d)].sum(axis=0) + push for k, d in DEPTHS.items()}
+    by_term = {TERMS[k]: rows[k, first:] for k in DEPTHS[terms]}
+    if held.kind != "base":
+        by_term["thrust"] = push[first:]
+    total = depths[terms]
+    limit = robot.limits(robot.joint_names)[2]
+    S = twist_matrix(robot, q)
+    sigma = np.asarray(np.linalg.svd(S, compute_uv=False), float)
+    end = find_tip(robot, tip, tip_point)
+    load = None
+    if end.body > 0:
+        load = tip_load(robot, q, end, total[first:], limit, direction=direction)
+    return StaticsResult(
+        robot.joint_names,
+        terms,
+        held.kind,
+        total[first:],
+        limit,
+        _use(total[first:], limit),
+        by_term,
+        _shares(by_term),
+        {k: d[first:] for k, d in depths.items()},
+        total[:6] if robot.floating else np.zeros(6),
+        S,
+        sigma,
+        int(np.sum(sigma > 1e-9 * sigma[0])),
+        (end.link, tip_pose(robot, q, end).position),
+        load,
+        worst_posture(robot, q, hold=hold, seed=seed, **given) if worst else None,
+    )
+
+
+def _use(torque: Floats, limit: Floats) -> Floats:
+    """Returns |torque| / limit: inf for a torque against a limit of 0, 0 for none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(np.abs(torque) > 0, np.abs(torque) / limit, 0.0)
+
+
+def _shares(by_term: Mapping[str, Floats]) -> dict[str, float]:
+    """Returns each term's part of the sum over joints and terms of |torque|."""
+    sizes = {k: float(np.sum(np.abs(v))) for k, v in by_term.items()}
+    whole = sum(sizes.values())
+    return {k: (x / whole if whole > 0 else 0.0) for k, x in sizes.items()}
+
+
+def _plain(values: Floats) -> list[float | None]:
+    """Returns numbers for JSON, which knows neither infinity nor NaN."""
+    return [float(x) if np.isfinite(x) else None for x in np.ravel(values)]
+
+
+def _tip_json(load: TipLoad) -> dict[str, Any]:
+    """Returns a tip's loads as plain data."""
+    directions = ("+x", "-x", "+y", "-y", "+z", "-z")
+    return {
+        "force_every_direction_N": _plain(np.array([load.force_radius]))[0],
+        "limiting_joint": load.force_joint,
+        "worst_direction": load.force_direction.tolist(),
+        "torque_every_direction_Nm": _plain(np.array([load.torque_radius]))[0],
+        "force_along_N": dict(zip(directions, _plain(load.axes_force), strict=True)),
+        "force_corners_N": load.corners.tolist(),
+        "unfelt_directions": load.free.T.tolist(),
+        "payload_kg": _plain(np.array([load.payload]))[0],
+        "compliance": load.compliance.tolist(),
+        "stiffness": load.stiffness.tolist(),
+        "servo_sag_m": load.sag.tolist(),
+    }

@@ -1,0 +1,1 @@
+"""Joint torques of a robot: the law, its support in hover, its tip, its worst posture."""

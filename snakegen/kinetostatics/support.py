@@ -1,0 +1,114 @@
+"""What holds a robot up while its joint torques are asked for: thrust in hover, or its base."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from snakegen.errors import AnalysisError
+from snakegen.geometry import Floats, move_wrench, skew
+from snakegen.kernels.chain import centre_of_gravity, forward
+from snakegen.kinetostatics.law import DOWN, finite, joint_torques, rotor_wrenches
+from snakegen.robot import Robot
+
+Hold = Literal["auto", "base", "hover"]
+Kind = Literal["base", "hover", "thrust"]
+
+
+@dataclass(frozen=True)
+class Support:
+    """Wrenches that hold a robot up.
+
+    Attributes:
+        kind: ``base`` held at the root; ``hover`` vectored apparatus forces; ``thrust`` as given.
+        wrenches: (bodies, 6) world axes at body origins.
+        forces: (apparatuses, 3) N, world; empty unless hovering.
+    """
+
+    kind: Kind
+    wrenches: Floats
+    forces: Floats
+
+
+def support(
+    robot: Robot,
+    q: Floats,
+    load: Floats,
+    *,
+    hold: Hold = "auto",
+    thrust: ArrayLike | None = None,
+) -> Support:
+    """Returns what carries the weight and the external wrenches of a robot at rest.
+
+    In hover each apparatus force is free in direction: the least-norm set ``F = Q_force^# w``
+    (ZN23 eq 36) that balances everything, pushing at the thrust points; drag torques cancel in
+    virtual-single-rotor mode. Take q from a hover posture, or the gimbals bear the difference.
+
+    Args:
+        robot: any robot.
+        q: (nq,) posture.
+        load: (6,) wrench that must be balanced, about the root's origin, world axes: weight and
+            external wrenches, as they act on the robot.
+        hold: ``auto`` hovers if the robot floats and has apparatuses.
+        thrust: (n_rotors,) N, taken instead.
+
+    Raises:
+        AnalysisError: hover asked of a robot without apparatuses, or out of reach of its forces.
+    """
+    count = len(robot.modules.apparatuses)
+    bodies = len(robot.tree.parent)
+    if thrust is not None:
+        return Support("thrust", rotor_wrenches(robot, q, thrust), np.zeros((0, 3)))
+    if hold not in ("auto", "base", "hover"):
+        raise AnalysisError(f"hold: '{hold}' is none of auto, base, hover.")
+    if hold == "base" or (hold == "auto" and not (robot.floating and count)):
+        return Support("base", np.zeros((bodies, 6)), np.zeros((0, 3)))
+    if count == 0 or not robot.floating:
+        what = "no vectoring apparatus" if robot.floating else "a fixed base"
+        raise AnalysisError(f"{robot.name} has {what}: it cannot hover; hold its base.")
+    base, _ = robot.base_pose(q)
+    rotation, position = forward(robot.tree, base, np.zeros(3), robot.angles(q))
+    carriers, points = robot.gimbals.thrust_body, robot.gimbals.thrust_point
+    levers = [rotation[b] @ p for b, p in zip(carriers, points, strict=True)]
+    places = [position[b] + x for b, x in zip(carriers, levers, strict=True)]
+    # About the CoG and over the link length: the least-norm set and the residual need one scale.
+    _, cog = centre_of_gravity(robot.tree, rotation, position)
+    about = np.concatenate([load[:3], load[3:] - np.cross(cog, load[:3])])
+    scale = np.repeat([1.0, 1.0 / robot.link_length], 3)[:, None]
+    Q = scale * np.hstack([np.vstack([np.eye(3), skew(p - cog)]) for p in places])
+    target = -scale[:, 0] * about
+    forces: Floats = np.linalg.lstsq(Q, target, rcond=1e-9)[0]
+    missing = float(np.linalg.norm(Q @ forces - target))
+    if missing > 1e-6 * max(float(np.linalg.norm(target)), 1e-9):
+        raise AnalysisError(
+            f"{robot.name}: its apparatus forces cannot hold this load in this posture "
+            f"({missing:.3g} N are left); hold the base instead."
+        )
+    out = np.zeros((bodies, 6))
+    f = finite(forces, (3 * count,), "hover forces").reshape(count, 3)
+    for b, x, force in zip(carriers, levers, f, strict=True):
+        out[b] += move_wrench(np.concatenate([force, np.zeros(3)]), x)
+    return Support("hover", out, f)
+
+
+def hold_up(
+    robot: Robot,
+    q: Floats,
+    *,
+    wrenches: Mapping[str, ArrayLike] | None = None,
+    gravity: ArrayLike = DOWN,
+    hold: Hold = "auto",
+    thrust: ArrayLike | None = None,
+) -> Support:
+    """Returns `support` of a robot at rest: its load is what the unsupported base lacks.
+
+    Arguments as in `support` and `law.joint_torques`; errors too.
+    """
+    load = np.zeros(6)
+    if robot.floating:
+        base, _ = robot.base_pose(q)
+        static = joint_torques(robot, q, wrenches=wrenches, gravity=gravity, terms="static")
+        load = -np.concatenate([base @ static[:3], base @ static[3:6]])
+    return support(robot, q, load, hold=hold, thrust=thrust)

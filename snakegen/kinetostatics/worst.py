@@ -1,0 +1,218 @@
+"""The posture whose joints are loaded hardest: samples inside the limits, then local search."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import qmc
+
+from snakegen.errors import AnalysisError
+from snakegen.geometry import Floats
+from snakegen.kernels.dynamics import EXTERNAL, GRAVITY
+from snakegen.kernels.inverse_dynamics import torques_batch
+from snakegen.kinetostatics.law import DOWN, armature, finite, link_loads, torque_terms
+from snakegen.kinetostatics.support import Hold, hold_up
+from snakegen.robot import Robot
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The hardest posture found.
+
+    Attributes:
+        angles: (k,) the searched joints' angles, rad.
+        value: the objective there.
+        starts: local searches run.
+        agreeing: how many of them ended within 0.1 % of it: few means that it may be local.
+        evaluations: postures evaluated.
+    """
+
+    angles: Floats
+    value: float
+    starts: int
+    agreeing: int
+    evaluations: int
+
+
+def search(
+    objective: Callable[[Floats], Floats],
+    lower: Floats,
+    upper: Floats,
+    *,
+    samples: int = 1024,
+    starts: int = 12,
+    seed: int = 0,
+    tolerance: float = 1e-5,
+) -> Worst:
+    """Returns the largest `objective` over a box: Sobol samples, then compass search from the best.
+
+    The largest torque over joints has kinks, so the local search uses no derivative: it tries
+    ± a step along each joint, all of them in one batch, moves to the best, and halves the step
+    where none is better. It is a lower bound of the true worst.
+
+    Args:
+        objective: (m, k) angles to (m,) values.
+        lower, upper: (k,) finite limits.
+        samples, starts, seed: how many Sobol points, how many of the best are refined.
+        tolerance: the step, as a share of the range, at which a search ends.
+
+    Raises:
+        AnalysisError: limits that are not finite or upside down.
+    """
+    k = len(lower)
+    if not (np.all(np.isfinite(lower)) and np.all(np.isfinite(upper)) and np.all(lower <= upper)):
+        raise AnalysisError("the worst posture needs finite joint limits, lower ≤ upper.")
+    if k == 0:
+        return Worst(np.zeros(0), float(objective(np.zeros((1, 0)))[0]), 0, 0, 1)
+    size = 2 ** int(np.ceil(np.log2(max(samples, 2))))
+    points = lower + qmc.Sobol(k, seed=seed).random(size) * (upper - lower)
+    points = np.vstack([points, 0.5 * (lower + upper), np.clip(np.zeros(k), lower, upper)])
+    values = objective(points)
+    best = np.argsort(values)[::-1][: max(starts, 1)]
+    ends, used = [], len(points)
+    for i in best:
+        x, value, count = _climb(objective, points[i], values[i], lower, upper, tolerance)
+        ends.append((value, x))
+        used += count
+    value, x = max(ends, key=lambda end: end[0])
+    agreeing = sum(v >= value - 1e-3 * abs(value) for v, _ in ends)
+    return Worst(x, float(value), len(ends), int(agreeing), used)
+
+
+def _climb(
+    objective: Callable[[Floats], Floats],
+    x: Floats,
+    value: float,
+    lower: Floats,
+    upper: Floats,
+    tolerance: float,
+) -> tuple[Floats, float, int]:
+    """Returns the end of one compass search, its value and the postures it took."""
+    directions = np.vstack([np.eye(len(x)), -np.eye(len(x))])
+    step, used = 0.25, 0
+    while step > tolerance:
+        trial = np.clip(x + step * directions * (upper - lower), lower, upper)
+        found = objective(trial)
+        used += len(trial)
+        i = int(np.argmax(found))
+        if found[i] > value + 1e-12 * abs(value):
+            # Along a good direction the others often improve too: try them together.
+            better = found > value
+            pool = np.clip(x + (trial[better] - x).sum(axis=0), lower, upper)
+            together = objective(pool[None])[0]
+            used += 1
+            x, value = (pool, together) if together > found[i] else (trial[i], found[i])
+        else:
+            step *= 0.5
+    return x, float(value), used
+
+
+def worst_posture(
+    robot: Robot,
+    q: ArrayLike,
+    *,
+    wrenches: Mapping[str, ArrayLike] | None = None,
+    gravity: ArrayLike = DOWN,
+    hold: Hold = "auto",
+    samples: int = 1024,
+    starts: int = 12,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """Returns the posture inside the joint limits in which a servo is used hardest, at rest.
+
+    Chain joints move, the others stay as in q; `wrenches` keep their directions in the world. In
+    hover, postures that apparatus forces within their limits cannot hold are left out. A lower
+    bound found by multi-start search: `agreeing` of `starts` searches ended at it.
+
+    Raises:
+        AnalysisError: limits that are not finite, servo limits of 0, no posture that can hover.
+    """
+    q = robot.check_q(q)
+    names = robot.chain_joints
+    lower, upper, limit = robot.limits(names)
+    if np.any(limit <= 0):
+        raise AnalysisError(f"{robot.name}: a chain joint has an effort limit of 0.")
+    given: dict[str, Any] = {"wrenches": wrenches, "gravity": gravity}
+    kind = hold_up(robot, q, hold=hold, **given).kind
+    measure = _held_torques if kind == "base" else _hover_torques
+    torques = measure(robot, q, names, **given)
+    found = search(
+        lambda x: np.nan_to_num(np.max(np.abs(torques(x)) / limit, axis=1), nan=-np.inf),
+        lower,
+        upper,
+        samples=samples if kind == "base" else min(samples, 256),
+        starts=starts if kind == "base" else min(starts, 4),
+        seed=seed,
+    )
+    if not np.isfinite(found.value):
+        raise AnalysisError(f"{robot.name}: no posture was found in which it can hover.")
+    use = np.abs(torques(found.angles[None])[0]) / limit
+    return {
+        "posture": dict(zip(names, found.angles.tolist(), strict=True)),
+        "support": kind,
+        "use": found.value,
+        "joint": names[int(np.argmax(use))],
+        "starts": found.starts,
+        "agreeing": found.agreeing,
+        "evaluations": found.evaluations,
+    }
+
+
+Torques = Callable[[Floats], Floats]
+
+
+def _held_torques(
+    robot: Robot,
+    q: Floats,
+    names: Sequence[str],
+    wrenches: Mapping[str, ArrayLike] | None,
+    gravity: ArrayLike,
+) -> Torques:
+    """Returns a function from (m, k) angles of joints `names` to their torques, base held."""
+    index = np.array([robot.body_of_joint(n) - 1 for n in names], int)
+    loads, g = link_loads(robot, wrenches or {}), finite(gravity, (3,), "gravity")
+    base, start = robot.base_pose(q)[0], robot.angles(q)
+
+    def torques(angles: Floats) -> Floats:
+        full = np.tile(start, (len(angles), 1))
+        full[:, index] = angles
+        still = np.zeros((len(angles), 6 + len(start)))
+        bases = np.tile(base, (len(angles), 1, 1))
+        out = torques_batch(robot.tree, armature(robot), g, bases, full, still, still, loads)
+        return np.asarray(out[:, 6 + index])
+
+    return torques
+
+
+def _hover_torques(
+    robot: Robot,
+    q: Floats,
+    names: Sequence[str],
+    wrenches: Mapping[str, ArrayLike] | None,
+    gravity: ArrayLike,
+) -> Torques:
+    """Returns the same in hover; NaN where apparatus forces within their limits cannot hold."""
+    index = np.array([robot.body_of_joint(n) - 1 for n in names], int)
+    places = [robot.model.joints[robot.model.getJointId(n)] for n in names]
+    given: dict[str, Any] = {"wrenches": wrenches, "gravity": gravity}
+
+    def one(angles: Floats) -> Floats:
+        there = q.copy()
+        for place, angle in zip(places, angles, strict=True):
+            turned = (np.cos(angle), np.sin(angle)) if place.nq == 2 else angle
+            there[place.idx_q : place.idx_q + place.nq] = turned
+        try:
+            held = hold_up(robot, there, hold="hover", **given)
+        except AnalysisError:
+            return np.full(len(index), np.nan)
+        if np.any(np.linalg.norm(held.forces, axis=1) > robot.gimbals.limit):
+            return np.full(len(index), np.nan)
+        rows = torque_terms(robot, there, body_wrenches=held.wrenches, **given)
+        return np.asarray((rows[GRAVITY] + rows[EXTERNAL])[6 + index])
+
+    def torques(angles: Floats) -> Floats:
+        return np.array([one(x) for x in angles])
+
+    return torques
