@@ -77,7 +77,7 @@ def build(
         png, note = (None, "")
         if picture:
             png = folder / f"{spec.name}.png"
-            note = _write_picture(folder, spec.name, png)
+            note = _write_picture(folder, spec.name, text, png)
     return Build(
         target / urdf_path.name,
         target / f"{spec.name}.xml",
@@ -137,8 +137,9 @@ def _write_mjcf(folder: Path, name: str, text: str, made: dict[str, Path]) -> An
     return result
 
 
-def _write_picture(folder: Path, name: str, png: Path) -> str:
+def _write_picture(folder: Path, name: str, text: str, png: Path) -> str:
     """Renders the robot, or draws it where no GL is to be had; returns the note for the latter."""
     from snakegen.picture import robot_picture
+    from snakegen.robot import from_urdf_text
 
-    return robot_picture(folder / f"{name}.urdf", folder / "scene.xml", png)
+    return robot_picture(from_urdf_text(text, None), folder / "scene.xml", png)

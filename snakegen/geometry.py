@@ -38,6 +38,15 @@ def rotation_about(axis: ArrayLike, angle: float) -> Floats:
     return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
 
 
+def rotation_onto(direction: ArrayLike) -> Floats:
+    """Returns a (3, 3) rotation that turns e_z onto the unit `direction` the short way."""
+    x, y, z = np.asarray(direction, float)
+    sine = np.hypot(x, y)
+    if sine < 1e-12:
+        return np.eye(3) if z > 0 else np.diag([1.0, -1.0, -1.0])
+    return rotation_about([-y / sine, x / sine, 0.0], float(np.arctan2(sine, z)))
+
+
 def rotation_from_rpy(rpy: ArrayLike) -> Floats:
     """Returns ``Rz(yaw) Ry(pitch) Rx(roll)`` of `rpy` (rad), URDF's and ROS' fixed-axis order."""
     roll, pitch, yaw = np.asarray(rpy, float)

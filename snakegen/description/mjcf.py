@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from snakegen.errors import DescriptionError
+from snakegen.geometry import quaternion_xyzw, rotation_onto, wxyz_from_xyzw
 from snakegen.modules import Modules
 
 GRAVITY = 9.81
@@ -104,7 +105,7 @@ def _rotors(spec: mujoco.MjSpec, modules: Modules) -> None:
         for rotor in apparatus.rotors:
             body = spec.body(rotor.link)
             site = body.add_site(name=rotor.link, size=[0.005] * 3, group=4)
-            site.alt.zaxis = list(rotor.axis)
+            site.quat = wxyz_from_xyzw(quaternion_xyzw(rotation_onto(rotor.axis)))
             actuator = spec.add_actuator(
                 name=rotor.link,
                 trntype=mujoco.mjtTrn.mjTRN_SITE,
@@ -211,7 +212,7 @@ def _scenery(spec: mujoco.MjSpec, root: Any) -> None:
     up = np.cross(away, right)
     camera = root.add_camera(name="track", mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM)
     camera.pos = [round(float(x), 4) for x in centre + 2.2 * radius * away]
-    camera.alt.xyaxes = [round(float(x), 6) for x in (*right, *up)]
+    camera.quat = wxyz_from_xyzw(quaternion_xyzw(np.column_stack([right, up, away]))).round(6)
     camera.fovy = 40.0
     spec.worldbody.add_light(
         name="sun",

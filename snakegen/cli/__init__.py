@@ -1,0 +1,103 @@
+"""The command line: parse, call, print. Subcommands load when they run, not before."""
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from difflib import get_close_matches
+from typing import Any
+
+import click
+
+from snakegen import __version__
+from snakegen.errors import SnakegenError
+
+_COMMANDS = {
+    "presets": ("snakegen.cli.presets", "List the presets, one line each."),
+    "build": ("snakegen.cli.build", "Make URDF, MJCF and picture of a robot, proven to agree."),
+    "analyze": ("snakegen.cli.analyze", "Tell what a robot can do; fly, drive or move it."),
+    "inspect": ("snakegen.cli.inspect", "Read metrics and verdict back from a log."),
+    "schema": ("snakegen.cli.presets", "Print the JSON Schema of a spec file."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they run; names and one-line help are static."""
+
+    def __init__(self, *args: Any, lazy: dict[str, tuple[str, str]], **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.lazy = lazy
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Returns the names in the order given."""
+        return list(self.lazy)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Imports and returns a command."""
+        if cmd_name not in self.lazy:
+            return None
+        module = importlib.import_module(self.lazy[cmd_name][0])
+        command: click.Command = getattr(module, cmd_name)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Finds the command, or fails with the nearest name."""
+        name = args[0]
+        if name not in self.lazy and not name.startswith("-"):
+            close = get_close_matches(name, self.lazy, n=1, cutoff=0.5)
+            hint = f" Did you mean '{close[0]}'?" if close else f" Known: {', '.join(self.lazy)}."
+            ctx.fail(f"No such command '{name}'.{hint}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Writes the table of commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in self.lazy.items()])
+
+
+@click.group(
+    cls=LazyGroup,
+    lazy=_COMMANDS,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+@click.version_option(__version__, "-V", "--version", prog_name="snakegen")
+def cli() -> None:
+    """Describe a snake robot in one short file; build, analyse and fly it.
+
+    ROBOT is a preset (snakegen presets), a spec file (.yaml) or a URDF.
+
+    \b
+    Example:
+      snakegen build dragon4
+      snakegen analyze dragon4 --joint joint1_yaw=0.8
+      snakegen analyze flight dragon4 --mission transform
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs the command line; a user's mistake is one line on stderr and exit code 1."""
+    try:
+        code = cli.main(args=arguments, standalone_mode=False, prog_name="snakegen")
+        sys.stdout.flush()
+        sys.exit(code if isinstance(code, int) else 0)
+    except SnakegenError as error:
+        _fail(str(error), getattr(error, "exit_code", 1))
+    except click.exceptions.Exit as error:
+        sys.exit(error.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        _fail("interrupted; files are as they were.", 130)
+    except click.ClickException as error:
+        error.show(sys.stderr)
+        sys.exit(error.exit_code)
+    except MemoryError:
+        _fail("out of memory; a shorter chain would fit.", 1)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+
+
+def _fail(message: str, code: int) -> None:
+    print(f"Error: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(code)

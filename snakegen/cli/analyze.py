@@ -1,0 +1,123 @@
+"""`snakegen analyze`: a command per analysis, found by folder; `report` is the default."""
+
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import click
+
+from snakegen.analysis import Entry, catalogue
+from snakegen.cli import LazyGroup
+from snakegen.cli.options import (
+    json_option,
+    modules_option,
+    note,
+    override_options,
+    posture_of,
+    posture_options,
+    print_json,
+    print_rows,
+    robot_argument,
+    robot_of,
+)
+
+_OTHERS = {
+    "report": ("snakegen.cli.report", "Everything that applies, on one page (the default)."),
+    "sweep": ("snakegen.cli.sweep", "Many postures to Parquet, with a map of the margins."),
+    "flight": ("snakegen.cli.flight", "Fly, drive or move the robot in MuJoCo, logged to rerun."),
+}
+
+
+class AnalyzeGroup(LazyGroup):
+    """Commands from the analysis folder; a first word that is no command is a ROBOT for report."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Puts `report` before a ROBOT; a word that nearly is a command stays one."""
+        if args and not args[0].startswith("-") and args[0] not in self.lazy:
+            mistyped = get_close_matches(args[0], self.lazy, n=1, cutoff=0.7)
+            if _is_robot(args[0]) or not mistyped:
+                args = ["report", *args]
+        return super().parse_args(ctx, args)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Returns a command of its own module, or makes one from an analysis."""
+        entries = catalogue()
+        if cmd_name in entries:
+            return _command(entries[cmd_name])
+        return super().get_command(ctx, cmd_name)
+
+
+def _is_robot(word: str) -> bool:
+    from snakegen.spec_file import presets
+
+    return word in presets() or word.endswith((".yaml", ".yml", ".urdf")) or Path(word).is_file()
+
+
+def _lazy() -> dict[str, tuple[str, str]]:
+    found = {e.command: (e.module, e.help) for e in catalogue().values()}
+    from importlib.util import find_spec
+
+    others = {k: v for k, v in _OTHERS.items() if find_spec(v[0]) is not None}
+    first = {"report": others.pop("report")}
+    return first | found | others
+
+
+def _command(entry: Entry) -> click.Command:
+    """Returns the click command of an analysis, with its own options."""
+
+    def run(
+        robot: str,
+        links: int | None,
+        apparatus: str | None,
+        overrides: tuple[str, ...],
+        modules: str | None,
+        posture: str | None,
+        joints: tuple[str, ...],
+        base_rpy: str | None,
+        gimbals: str,
+        as_json: bool,
+        **options: Any,
+    ) -> None:
+        from snakegen.report import refuse
+
+        machine = robot_of(robot, links, apparatus, overrides, modules)
+        analysis = entry.load()
+        if not analysis.applies(machine):
+            refuse(entry.command, machine, analysis)
+        q = posture_of(machine, posture, joints, base_rpy, gimbals)
+        result = analysis.analyze(machine, q, **options)
+        if as_json:
+            print_json({"robot": machine.name, "analysis": entry.command} | result.to_json())
+        else:
+            print_rows(f"{machine.name}: {entry.command}", result.rows())
+
+    decorated: Any = run
+    for name, (default, text) in reversed(entry.options.items()):
+        kind = {"type": type(default)} if default is not None else {}
+        if isinstance(default, bool):
+            kind = {"is_flag": True}
+        decorated = click.option(
+            f"--{name.replace('_', '-')}", default=default, show_default=True, help=text, **kind
+        )(decorated)
+    for decorator in (json_option, posture_options, modules_option, override_options):
+        decorated = decorator(decorated)
+    decorated = robot_argument(decorated)
+    help_text = f"{entry.help}\n\n\b\nExample:\n  snakegen analyze {entry.command} ROBOT --json"
+    help_text = help_text.replace("ROBOT --json", "dragon4 --json")
+    return click.command(name=entry.command, help=help_text)(decorated)
+
+
+@click.group(cls=AnalyzeGroup, lazy=_lazy())
+def analyze() -> None:
+    """Tell what a robot can do; fly, drive or move it to show it.
+
+    Without a subcommand: `analyze ROBOT` is `analyze report ROBOT`.
+
+    \b
+    Example:
+      snakegen analyze dragon4 --joint joint1_yaw=0.8
+      snakegen analyze actuation dragon3 --json
+    """
+
+
+__all__ = ["analyze", "note"]

@@ -1,0 +1,39 @@
+"""`snakegen presets` and `snakegen schema`: what there is, and what a spec may say."""
+
+import click
+
+from snakegen.cli.options import json_option, print_json
+
+
+@click.command()
+@json_option
+def presets(as_json: bool) -> None:
+    """List the presets, one line each.
+
+    \b
+    Example:
+      snakegen presets
+    """
+    from snakegen.spec_file import load_spec
+    from snakegen.spec_file import presets as known
+
+    about = {name: load_spec(name).about for name in known()}
+    if as_json:
+        print_json(about)
+        return
+    width = max(map(len, about))
+    for name, text in about.items():
+        click.echo(f"{name:<{width}}  {text}")
+
+
+@click.command()
+def schema() -> None:
+    """Print the JSON Schema of a spec file, for editors.
+
+    \b
+    Example:
+      snakegen schema > snakegen.schema.json
+    """
+    from snakegen.spec_file import schema as text
+
+    click.echo(text())

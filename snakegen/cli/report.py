@@ -1,0 +1,60 @@
+"""`snakegen analyze report`: every analysis that applies, on one page."""
+
+from pathlib import Path
+
+import click
+
+from snakegen.cli.options import (
+    json_option,
+    modules_option,
+    note,
+    override_options,
+    posture_of,
+    posture_options,
+    print_json,
+    robot_argument,
+    robot_of,
+)
+
+
+@click.command()
+@robot_argument
+@override_options
+@modules_option
+@posture_options
+@json_option
+@click.option(
+    "--report", "file", metavar="FILE.md", type=click.Path(), help="Also write a page with plots."
+)
+def report(
+    robot: str,
+    links: int | None,
+    apparatus: str | None,
+    overrides: tuple[str, ...],
+    modules: str | None,
+    posture: str | None,
+    joints: tuple[str, ...],
+    base_rpy: str | None,
+    gimbals: str,
+    as_json: bool,
+    file: str | None,
+) -> None:
+    """Everything that applies to ROBOT in a posture, on one page.
+
+    \b
+    Example:
+      snakegen analyze dragon4 --joint joint1_yaw=0.8 --report report.md
+      snakegen analyze report body.urdf --modules modules.yaml --json
+    """
+    from snakegen.report import collect, text_page, to_json, write_markdown
+
+    machine = robot_of(robot, links, apparatus, overrides, modules)
+    q = posture_of(machine, posture, joints, base_rpy, gimbals)
+    page = collect(machine, q)
+    if file:
+        write_markdown(page, Path(file))
+        note(f"report: {file}")
+    if as_json:
+        print_json(to_json(page))
+    else:
+        click.echo(text_page(page))
