@@ -12,9 +12,10 @@ from snakegen.verify.recording import Recording
 
 # Pages of plots, each a tab; a group that no page names goes to the last one.
 PAGES: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("Tracking", ("position error", "attitude error", "thrust", "joints", "σ_min", "margins")),
-    ("Actuators", ("gimbals", "joint torque", "gimbal torque", "screws", "power")),
-    ("State", ("position", "attitude", "velocity", "clearance", "disturbance", "contact")),
+    ("Tracking", ("position error", "attitude error", "thrust", "joints", "margins")),
+    ("Actuators", ("gimbals", "gimbal torque", "joint torque", "screws", "power")),
+    ("Safety", ("σ_min", "clearance", "contact", "disturbance")),
+    ("State", ("position", "attitude", "velocity")),
 )
 
 
@@ -47,17 +48,18 @@ def _world(recording: Recording, view: Scene) -> Any:
     import rerun.blueprint as rrb
 
     away = np.array([-0.55, -1.0, 0.5])
-    eye = view.center + 2.1 * view.radius * away / np.linalg.norm(away)
+    eye = view.center + 1.8 * view.radius * away / np.linalg.norm(away)
     title = " · ".join(
         str(recording.meta[k]) for k in ("robot", "mission", "mode") if recording.meta.get(k)
     )
+    hidden = []
+    if view.skeleton is not None:
+        hidden = [f"- $origin/{view.skeleton.name}/collision_geometries/**"]
     return rrb.Spatial3DView(
         origin="world",
-        contents=["+ $origin/**", "- $origin/*/collision_geometries/**"],
+        contents=["+ $origin/**", *hidden],
         name=title or "Robot",
-        background=rrb.Background(
-            kind=rrb.BackgroundKind.GradientDark,
-        ),
+        background=rrb.Background(kind=rrb.BackgroundKind.SolidColor, color=style.GROUND),
         line_grid=rrb.LineGrid3D(visible=True, spacing=0.5),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=eye, look_target=view.center, eye_up=(0, 0, 1)

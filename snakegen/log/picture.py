@@ -21,6 +21,8 @@ from snakegen.log.style import TIMELINE
 
 STARTING = 30.0  # s a viewer may take to answer
 
+NOTES_GONE = 4.5  # s until the notes that a starting viewer pops up over the plots have faded
+
 
 def snapshot(
     path: str | Path,
@@ -70,13 +72,12 @@ def snapshot(
 
 def _draw_with_viewer(path: Path, png: Path, at: float, size: tuple[int, int]) -> None:
     with tempfile.TemporaryDirectory() as folder, _viewer(size) as client:
-        shot = Path(folder) / "shot.png"
+        shot, started = Path(folder) / "shot.png", clock.monotonic()
         try:
             _wait_loaded(client, client.open(str(path.resolve())))
             client.set_time(TIMELINE, duration=at, play_state="paused")
-            # The first frame after a seek may be painted before its meshes and plots are in.
-            client.save_screenshot(str(shot))
-            clock.sleep(0.3)
+            client.save_screenshot(str(shot))  # makes it load what this instant shows
+            clock.sleep(max(0.3, started + NOTES_GONE - clock.monotonic()))
             client.save_screenshot(str(shot))
         except (RuntimeError, ValueError, ConnectionError) as error:
             raise LogError(f"the viewer could not draw {path}: {error}") from None
@@ -147,3 +148,14 @@ def _free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+def view(path: str | Path) -> None:
+    """Opens a log in rerun's viewer, in a process of its own that listens on 127.0.0.1 alone.
+
+    Raises:
+        LogError: the log cannot be read.
+    """
+    read(path)
+    command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", str(_free_port())]
+    subprocess.Popen([*command, str(path)], start_new_session=True, stderr=subprocess.DEVNULL)

@@ -14,6 +14,7 @@ from snakegen.verify.recording import Recording
 Floats = NDArray[np.float64]
 
 HIDDEN = ("configuration", "disturbance point")  # groups that say nothing as a curve
+LIMIT = "limit"
 _COMMANDS = {"thrust_command": "thrust", "gimbal_command": "gimbals", "joint_command": "joints"}
 
 
@@ -70,17 +71,34 @@ def groups(recording: Recording) -> dict[str, str]:
     return out
 
 
+def _limits(recording: Recording) -> list[Series]:
+    """Returns the largest thrust as a line, where the run states one for all rotors."""
+    upper = recording.meta.get("limits", {}).get("thrust_max")
+    if upper is None or "thrust" not in recording.channels or np.ptp(upper) > 0:
+        return []
+    ends = recording.times("thrust")[[0, -1]]
+    line = np.full((2, 1), float(np.max(upper)))
+    return [Series("thrust", LIMIT, ends, line, (LIMIT,), "N")]
+
+
 def log_plots(rec: Any, recording: Recording) -> None:
     """Writes the time series into the rerun recording `rec`."""
     import rerun as rr
 
-    shown = series(recording)
+    shown = [*series(recording), *_limits(recording)]
+    drawn: dict[str, int] = {}
     stride = style.stride_for(sum(s.values.size for s in shown))
     for s in shown:
         index, width = style.standing_out(s.values, stride), s.values.shape[1]
         names = [f"{label} asked" if s.asked else label for label in s.labels]
+        # A command has the colours of what it commands; other channels go on where one ended.
+        first = 0 if s.asked else drawn.get(s.group, 0)
+        drawn[s.group] = first + (0 if s.asked else width)
+        colors = [style.color(first + i, dim=s.asked) for i in range(width)]
+        if s.name == LIMIT:
+            colors = [style.LIMIT] * width
         look = rr.SeriesLines(
-            colors=[style.color(i, dim=s.asked) for i in range(width)],
+            colors=colors,
             names=names,
             widths=[1.0 if s.asked else 1.5] * width,
         )

@@ -104,6 +104,7 @@ def _log_robot(
         path.write_text(drawable(recording.meta["urdf"], meshes), encoding="utf-8")
         tree = UrdfTree.from_file_path(path, "world")
         tree.log_urdf_to_recording(rec)
+    _make_solid(rec, recording.meta["urdf"], tree)
     rotation, position = view.base
     quaternion = _xyzw(rotation)
     rec.send_columns(
@@ -121,6 +122,24 @@ def _log_robot(
         if joint is not None and j.name in view.angles:
             turned = joint.compute_transform_columns(view.angles[j.name].tolist(), clamp=False)
             rec.send_columns(f"world/motion/{j.name}", columns, turned)
+
+
+def _make_solid(rec: Any, urdf: str, tree: Any) -> None:
+    """Fills the primitives, which rerun draws as tinted glass with wires."""
+    import rerun as rr
+
+    kinds: dict[str, Any] = {
+        "box": rr.Boxes3D,
+        "cylinder": rr.Cylinders3D,
+        "sphere": rr.Ellipsoids3D,
+    }
+    for link in ET.fromstring(urdf).findall("link"):
+        paths = tree.get_visual_geometry_paths(link.get("name", ""))
+        for path, visual in zip(paths, link.findall("visual"), strict=False):
+            for shape, archetype in kinds.items():
+                if visual.find(f"geometry/{shape}") is not None:
+                    look = archetype.from_fields(fill_mode=rr.components.FillMode.Solid)
+                    rec.log(path, look, static=True)
 
 
 def _log_thrusts(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -> None:
@@ -152,18 +171,18 @@ def _log_points(rec: Any, recording: Recording, view: Scene, columns: list[Any])
             "world/cog", rr.Points3D.from_fields(radii=[radius], colors=[style.COG]), static=True
         )
         rec.send_columns("world/cog", columns, rr.Points3D.columns(positions=at))
-        path = rr.LineStrips3D([at], colors=[(*style.COG, 90)], radii=[0.15 * radius])
-        rec.log("world/cog_path", path, static=True)
+        trace = rr.LineStrips3D([at], colors=[(*style.COG, 90)], radii=[0.15 * radius])
+        rec.log("world/cog_path", trace, static=True)
     if "position_target" in recording.channels:
         goal = recording.held("position_target", view.time)
         look = rr.Points3D.from_fields(radii=[radius], colors=[style.TARGET])
         rec.log("world/target/cog", look, static=True)
         rec.send_columns("world/target/cog", columns, rr.Points3D.columns(positions=goal))
-        path = rr.LineStrips3D([goal], colors=[(*style.TARGET, 90)], radii=[0.15 * radius])
-        rec.log("world/target/path", path, static=True)
+        trace = rr.LineStrips3D([goal], colors=[(*style.TARGET, 90)], radii=[0.15 * radius])
+        rec.log("world/target/path", trace, static=True)
     if view.ghost.shape[1]:
-        look = rr.LineStrips3D.from_fields(colors=[style.TARGET], radii=[0.25 * radius])
-        rec.log("world/target/ghost", look, static=True)
+        line = rr.LineStrips3D.from_fields(colors=[style.TARGET], radii=[0.25 * radius])
+        rec.log("world/target/ghost", line, static=True)
         strips = view.ghost.astype(np.float32)
         rec.send_columns("world/target/ghost", columns, rr.LineStrips3D.columns(strips=strips))
 
@@ -183,14 +202,11 @@ def _log_disturbance(rec: Any, recording: Recording, view: Scene, columns: list[
             break
     look = rr.Arrows3D.from_fields(colors=[style.DISTURBANCE], radii=[0.008 * view.size])
     rec.log("world/disturbance", look, static=True)
-    # The arrow ends where the force acts: it is seen pushing, clear of the robot's own lines.
-    pushes = force * view.newton
+    vectors = (force * view.newton).astype(np.float32)
     rec.send_columns(
         "world/disturbance",
         columns,
-        rr.Arrows3D.columns(
-            vectors=pushes.astype(np.float32), origins=(at - pushes).astype(np.float32)
-        ),
+        rr.Arrows3D.columns(vectors=vectors, origins=at.astype(np.float32)),
     )
 
 

@@ -27,9 +27,11 @@ PALETTE = (
     (235, 100, 50),
     (190, 190, 190),
 )
+LIMIT = (200, 50, 50)
 COG = (255, 255, 255)
 TARGET = (60, 230, 255)
 DISTURBANCE = (255, 70, 255)
+GROUND = (24, 27, 32)
 BARE_LINK = (150, 156, 166)  # links whose URDF names no colour
 
 

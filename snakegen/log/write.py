@@ -105,9 +105,9 @@ def report_text(recording: Recording) -> str:
     """Returns the verdict's checks, then the run's own report, as markdown."""
     parts = []
     if recording.verdict is not None:
-        word = "PASSED" if recording.verdict.passed else "FAILED"
-        parts.append(f"## {word}\n")
-        parts.append("\n".join(f"- `{c.line()}`" for c in recording.verdict.checks))
+        checks = sorted(recording.verdict.checks, key=lambda c: c.passed)  # failures first
+        parts.append(f"### {recording.verdict.summary().capitalize()}")
+        parts.append("\n".join(f"- `{c.line()}`" for c in checks))
     if recording.report:
         parts.append(recording.report)
     return "\n\n".join(parts) or "(no report)"

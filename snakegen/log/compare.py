@@ -1,0 +1,67 @@
+"""Metrics worked out again from a log alone, and two runs side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from snakegen.log.read import read
+from snakegen.verify.metrics import metrics
+from snakegen.verify.recording import Recording
+from snakegen.verify.verdict import Verdict, verdict
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What a log says, and what its samples say."""
+
+    recording: Recording
+    metrics: dict[str, Any]  # worked out from the samples in the log
+    verdict: Verdict | None  # of these metrics, by the thresholds in the log
+    differing: tuple[str, ...]  # metrics that the log states otherwise: none in an honest log
+
+
+@dataclass(frozen=True)
+class Row:
+    """One metric of two runs."""
+
+    metric: str
+    a: Any
+    b: Any
+    difference: Any  # b − a where both are numbers, else None
+
+
+def inspect(path: str | Path) -> Inspection:
+    """Reads a log and works its metrics and verdict out again from its samples.
+
+    Raises:
+        LogError: as `read`.
+    """
+    recording = read(path)
+    again = metrics(recording)
+    stated = recording.metrics
+    # A loop may state more than the samples can show (a ratio to a prediction): these stay.
+    differing = tuple(k for k in again if k in stated and stated[k] != again[k])
+    merged = {**stated, **again}
+    judged = recording.verdict
+    again_judged = None if judged is None else verdict(merged, judged.thresholds())
+    return Inspection(recording, merged, again_judged, differing)
+
+
+def compare(path_a: str | Path, path_b: str | Path) -> tuple[Row, ...]:
+    """Returns the metrics of two logs side by side, worked out from their samples.
+
+    Raises:
+        LogError: as `read`.
+    """
+    a, b = inspect(path_a).metrics, inspect(path_b).metrics
+    names = [*a, *(name for name in b if name not in a)]
+    return tuple(Row(n, a.get(n), b.get(n), _difference(a.get(n), b.get(n))) for n in names)
+
+
+def _difference(a: Any, b: Any) -> Any:
+    if isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
+        return [_difference(x, y) for x, y in zip(a, b, strict=True)]
+    numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for x in (a, b))
+    return b - a if numbers else None

@@ -1,0 +1,126 @@
+"""The picture of a log without graphics drivers: matplotlib, from the log's own data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snakegen.errors import LogError
+from snakegen.log import plots, style
+from snakegen.log.scene import Scene, scene, thrust_use
+from snakegen.verify.recording import Recording
+
+Floats = NDArray[np.float64]
+SHOWN = ("position error", "attitude error", "thrust", "joints", "margins", "σ_min", "screws")
+
+
+def draw(recording: Recording, png: Path, at: float, size: tuple[int, int]) -> None:
+    """Draws the robot at `at` seconds beside the run's main curves.
+
+    Raises:
+        LogError: `png` cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(size[0] / 100, size[1] / 100), dpi=100, layout="constrained")
+    FigureCanvasAgg(figure)
+    shown = plots.series(recording)
+    groups = [g for g in SHOWN if any(s.group == g for s in shown)][:5]
+    grid = figure.add_gridspec(max(len(groups), 1), 2, width_ratios=[3, 2])
+    body: Any = figure.add_subplot(grid[:, 0], projection="3d")
+    _draw_body(body, recording, at)
+    for row, group in enumerate(groups):
+        axes = figure.add_subplot(grid[row, 1])
+        _draw_group(axes, [s for s in shown if s.group == group], at)
+        axes.set_title(group, loc="left", fontsize=9)
+        if row == len(groups) - 1:
+            axes.set_xlabel("t [s]", fontsize=8)
+    verdict = recording.verdict
+    figure.suptitle(_title(recording, at) + (f" — {verdict.summary()}" if verdict else ""))
+    try:
+        figure.savefig(png)
+    except OSError as error:
+        raise LogError(f"cannot write {png}: {error.strerror}") from None
+
+
+def _draw_body(axes: Any, recording: Recording, at: float) -> None:
+    view = scene(recording)
+    frame = max(int(np.searchsorted(view.time, at + 1e-9)) - 1, 0)
+    points = [view.center[None]]
+    if view.skeleton is not None:
+        points += _draw_links(axes, recording, view, frame)
+    if view.ghost.shape[1]:
+        line = view.ghost[frame]
+        axes.plot(*line.T, "--", color=_rgb(style.TARGET), lw=1.2, label="target")
+        points.append(line)
+    if "position" in recording.channels:
+        path = recording.held("position", view.time)
+        axes.plot(*path.T, color="0.7", lw=0.8)
+        axes.plot(*path[frame][:, None], "o", color="black", ms=5, label="CoG")
+        points.append(path[frame][None])
+    cloud = np.concatenate(points)
+    middle = 0.5 * (cloud.max(axis=0) + cloud.min(axis=0))
+    reach = max(0.5 * float(np.ptp(cloud, axis=0).max()), 0.3 * view.size)
+    for name, centre in zip("xyz", middle, strict=True):
+        getattr(axes, f"set_{name}lim")(centre - reach, centre + reach)
+        getattr(axes, f"set_{name}label")(f"{name} [m]")
+    axes.set_box_aspect((1, 1, 1))
+    axes.view_init(elev=24, azim=-119)  # the viewer's own direction of sight
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper left", fontsize=8)
+
+
+def _draw_links(axes: Any, recording: Recording, view: Scene, frame: int) -> list[Floats]:
+    """Draws links as lines and thrusts as arrows; returns the points drawn."""
+    bones = view.skeleton
+    if bones is None:
+        return []
+    one = slice(frame, frame + 1)
+    angles = {name: values[one] for name, values in view.angles.items()}
+    poses = bones.poses((view.base[0][one], view.base[1][one]), angles)
+    for j in bones.joints:
+        ends = np.concatenate([poses[j.parent][1], poses[j.child][1]])
+        axes.plot(*ends.T, color="0.55", lw=1.5)
+    line = bones.body_line(poses)[0]
+    axes.plot(*line.T, color="0.25", lw=4, solid_capstyle="round")
+    drawn = [line]
+    if "thrust" not in recording.channels:
+        return drawn
+    thrust = recording.held("thrust", view.time[one])
+    colors = style.saturation_colors(thrust_use(recording, thrust))[0] / 255.0
+    for i, (link, axis) in enumerate(view.rotors):
+        rotation, position = poses[link]
+        arrow = rotation[0] @ axis * thrust[0, i] * view.newton
+        axes.quiver(*position[0], *arrow, color=colors[i], lw=2, arrow_length_ratio=0.2)
+        drawn.append(np.stack([position[0], position[0] + arrow]))
+    return drawn
+
+
+def _draw_group(axes: Any, shown: list[plots.Series], at: float) -> None:
+    first = 0
+    for s in shown:
+        start = 0 if s.asked else first
+        for i, label in enumerate(s.labels):
+            color = _rgb(style.color(start + i, dim=s.asked))
+            name = None if s.asked else label
+            axes.plot(s.time, s.values[:, i], color=color, lw=0.6 if s.asked else 1.0, label=name)
+        first += 0 if s.asked else len(s.labels)
+    axes.axvline(at, color="0.4", lw=0.8)
+    axes.set_ylabel(shown[0].unit, fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="upper right", fontsize=6, ncols=4)
+
+
+def _title(recording: Recording, at: float) -> str:
+    parts = [str(recording.meta[k]) for k in ("robot", "mission", "mode") if recording.meta.get(k)]
+    return " · ".join([*parts, f"t = {at:.2f} s"])
+
+
+def _rgb(color: tuple[int, int, int]) -> tuple[float, float, float]:
+    """Returns a colour for white paper: the viewer's ground is dark, its colours bright."""
+    return (0.8 * color[0] / 255, 0.8 * color[1] / 255, 0.8 * color[2] / 255)
