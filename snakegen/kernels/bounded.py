@@ -70,27 +70,28 @@ def box_allocation(
         w[i] = rows[i] * wrench[i]
         for c in range(n):
             q[i, c] = rows[i] * matrix[i, c]
-    mu = np.zeros(m)
+    mu, trial = np.zeros(m), np.zeros(m)
     x = box_point(q, weight, lower, upper, mu)
     for soft in STAGES:
         for _ in range(STEPS):
             gap = dual_gap(q, x, mu, w, soft)
-            if np.max(np.abs(gap)) < 1e-12:
+            if inner(gap, gap) < 1e-24:
                 break
-            step = solve_spd(box_slope(q, weight, lower, upper, x, soft), -gap)
+            step = solve_spd(box_slope(q, weight, lower, upper, x, soft), gap)
             low, high = 0.0, 1.0
             for halving in range(HALVINGS):
                 part = high if halving == 0 else 0.5 * (low + high)
-                trial = mu + part * step
+                for i in range(mu.shape[0]):
+                    trial[i] = mu[i] - part * step[i]
                 x = box_point(q, weight, lower, upper, trial)
-                climbing = inner(step, dual_gap(q, x, trial, w, soft)) > 0.0
+                climbing = inner(step, dual_gap(q, x, trial, w, soft)) < 0.0
                 if climbing:
                     high = part
                 else:
                     low = part
                     if halving == 0:
                         break
-            mu = trial
+            mu[:] = trial
     return x
 
 
@@ -99,7 +100,9 @@ def box_slope(
     q: Floats, weight: Floats, lower: Floats, upper: Floats, x: Floats, soft: float
 ) -> Floats:
     """Returns the derivative (m, m) of ``q x(μ) + soft μ``: only thrusts off their limits move."""
-    slope = soft * np.eye(q.shape[0])
+    slope = np.zeros((q.shape[0], q.shape[0]))
+    for i in range(q.shape[0]):
+        slope[i, i] = soft
     for c in range(q.shape[1]):
         if lower[c] < x[c] < upper[c]:
             for i in range(q.shape[0]):
@@ -129,7 +132,9 @@ def ball_point(q: Floats, limit: Floats, mu: Floats) -> tuple[Floats, Floats]:
 @jit
 def ball_slope(q: Floats, limit: Floats, pull: Floats, soft: float) -> Floats:
     """Returns the derivative (6, 6) of ``q x(μ) + soft μ``."""
-    slope, part, unit = soft * np.eye(6), np.empty(6), np.empty(3)
+    slope, part, unit = np.zeros((6, 6)), np.empty(6), np.empty(3)
+    for i in range(6):
+        slope[i, i] = soft
     for j in range(limit.shape[0]):
         size = sqrt(pull[3 * j] ** 2 + pull[3 * j + 1] ** 2 + pull[3 * j + 2] ** 2)
         outside = size > limit[j]
@@ -167,25 +172,26 @@ def ball_allocation(matrix: Floats, wrench: Floats, rows: Floats, limit: Floats)
         w[i] = rows[i] * wrench[i]
         for c in range(n3):
             q[i, c] = rows[i] * matrix[i, c]
-    mu = np.zeros(6)
+    mu, trial = np.zeros(6), np.zeros(6)
     pull, force = ball_point(q, limit, mu)
     for soft in STAGES:
         for _ in range(STEPS):
             gap = dual_gap(q, force, mu, w, soft)
-            if np.max(np.abs(gap)) < 1e-12:
+            if inner(gap, gap) < 1e-24:
                 break
-            step = solve_spd(ball_slope(q, limit, pull, soft), -gap)
+            step = solve_spd(ball_slope(q, limit, pull, soft), gap)
             low, high = 0.0, 1.0
             for halving in range(HALVINGS):
                 part = high if halving == 0 else 0.5 * (low + high)
-                trial = mu + part * step
+                for i in range(mu.shape[0]):
+                    trial[i] = mu[i] - part * step[i]
                 pull, force = ball_point(q, limit, trial)
-                climbing = inner(step, dual_gap(q, force, trial, w, soft)) > 0.0
+                climbing = inner(step, dual_gap(q, force, trial, w, soft)) < 0.0
                 if climbing:
                     high = part
                 else:
                     low = part
                     if halving == 0:
                         break
-            mu = trial
+            mu[:] = trial
     return force

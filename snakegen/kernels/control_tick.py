@@ -14,7 +14,6 @@ from snakegen.kernels.control_types import (
     Command,
     Law,
     Measured,
-    Mounts,
     State,
     Target,
 )
@@ -31,83 +30,45 @@ from snakegen.kernels.mode_allocation import (
 from snakegen.kernels.pose_law import attitude_error, desired_force, desired_torque, integrate
 from snakegen.kernels.tree import Floats, Gimbals, Rotors, Tree
 from snakegen.kernels.underactuated import (
+    horizontal,
     level_axes,
     rotor_map,
     tilted_target,
     truncated,
+    truncated_wrench,
     vectored_gimbals,
 )
 from snakegen.kernels.vectoring import joint_order, mounts
-from snakegen.kernels.wrench_map import rotor_counts
 
 SATURATION = 1e-6  # scaled wrench by which a command may fall short before it counts as saturated
 
 
 @jit
-def spread_thrust(rotors: Rotors, pushes: Floats) -> Floats:
+def spread_thrust(rotor: Floats, pushes: Floats) -> Floats:
     """Returns rotor thrusts (n,) that share each apparatus' thrust (Ñ,) equally."""
-    count = rotor_counts(rotors, pushes.shape[0])
-    thrust = np.empty(rotors.body.shape[0])
+    count, thrust = np.zeros(pushes.shape[0]), np.empty(rotor.shape[0])
     for r in range(thrust.shape[0]):
-        thrust[r] = pushes[rotors.apparatus[r]] / count[rotors.apparatus[r]]
+        count[int(rotor[r, 2, 1])] += 1.0
+    for r in range(thrust.shape[0]):
+        j = int(rotor[r, 2, 1])
+        thrust[r] = pushes[j] / count[j]
     return thrust
 
 
 @jit
-def allocate(
-    m: Mounts,
-    rotors: Rotors,
-    gimbals: Gimbals,
-    law: Law,
-    share: float,
-    wrench: Floats,
-    force: Floats,
-    axes: Floats,
-    wanted_axes: Floats,
-    rows: Floats,
-    last: Floats,
-    lower: Floats,
-    upper: Floats,
-) -> tuple[Floats, Floats, float, int, float]:
-    """Returns rotor thrusts, gimbal angles, σ_min, Newton steps and ‖ε‖ in mode `share`.
-
-    `share` is 0 in dual-rotor mode, 1 in virtual-single-rotor mode, between while blending.
-    """
-    tilt, weight = level_axes(wanted_axes), 1.0 / rows[0]
-    thrust, angles, sigma, steps, size = np.zeros(rotors.body.shape[0]), last, np.inf, 0, 0.0
-    if share > 0.0:
-        pushes, angles, sigma, steps, size = allocate_virtual(
-            m, gimbals, wrench, rows, last, lower, upper, law
-        )
-        thrust = spread_thrust(rotors, pushes)
-    if share < 1.0:
-        leaning = vectored_gimbals(m, force, axes, tilt, weight, law, lower, upper, last)
-        mixed = share * angles + (1.0 - share) * leaning
-        split, dual_sigma = allocate_dual(m, rotors, mixed, wrench, tilt, rows, law.constrained)
-        if share > 0.0:
-            split = blended(m, rotors, mixed, thrust, split, share, wrench, tilt)
-        thrust, angles, sigma = split, mixed, min(sigma, dual_sigma)
-    return thrust, angles, sigma, steps, size
+def clip_to(lower: Floats, upper: Floats, x: Floats) -> None:
+    """Clips x to its limits in place; all one-dimensional."""
+    for i in range(x.shape[0]):
+        x[i] = min(max(x[i], lower[i]), upper[i])
 
 
 @jit
-def clip_command(
-    rotors: Rotors, lower: Floats, upper: Floats, thrust: Floats, angles: Floats
-) -> None:
-    """Clips thrusts and gimbal angles (joint order) to their limits, in place."""
-    for r in range(thrust.shape[0]):
-        thrust[r] = min(max(thrust[r], rotors.thrust_min[r]), rotors.thrust_max[r])
-    for j in range(angles.shape[0]):
-        for k in range(2):
-            angles[j, k] = min(max(angles[j, k], lower[j, k]), upper[j, k])
-
-
-@jit
-def falls_short(lack: Floats, rows: Floats, share: float, tilt: Floats) -> int:
-    """Tells whether a wrench falls short: in all rows, or in [f_z; τ] unless fully actuated."""
-    if share >= 1.0:
-        return int(np.max(np.abs(rows * lack)) > SATURATION)
-    return int(np.max(np.abs(rows[2:] * truncated(lack.reshape(6, 1), tilt)[:, 0])) > SATURATION)
+def falls_short(wanted: Floats, given: Floats, rows: Floats) -> int:
+    """Tells whether a wrench misses what was wanted by more than SATURATION, rows scaled."""
+    for k in range(rows.shape[0]):
+        if abs(rows[k] * (wanted[k] - given[k])) > SATURATION:
+            return 1
+    return 0
 
 
 @jit
@@ -156,39 +117,81 @@ def control_tick(
     pulled = integrate(
         state.force_integral, target.position - cog, force_dt, law.force_integral_limit, held
     )
-    force = desired_force(mass, cog, speed, pulled, target, law)
+    force = desired_force(
+        mass,
+        cog,
+        speed,
+        pulled,
+        target.position,
+        target.velocity,
+        target.acceleration,
+        law.force,
+        law.gravity,
+    )
     wanted = target.rotation
+    ahead, left = horizontal(force, axes)
     if share < 1.0:
-        leaning = tilted_target(force, axes, target.rotation, mass * law.gravity, law)
+        leaning = tilted_target(
+            ahead, left, target.rotation, mass * law.gravity, law.attitude, law.tilt_limit
+        )
         wanted = between(target.rotation, leaning, 1.0 - share)
     error = attitude_error(axes, wanted)
     wound = integrate(state.torque_integral, error, dt, law.torque_integral_limit, held)
     wrench = np.empty(6)
     turn_back_into(axes, force, wrench[:3])
-    wrench[3:] = desired_torque(inertia, axes, angular, wound, wanted, target.angular, law)
+    torque = desired_torque(
+        inertia, axes, angular, wound, wanted, target.angular, law.torque, law.gyroscopic
+    )
+    for k in range(3):
+        wrench[3 + k] = torque[k]
 
     rows = wrench_scale(mass, law.gravity, length)
-    m = mounts(tree, rotors, gimbals, rotation, position, cog, axes)
+    m, rotor = mounts(tree, rotors, gimbals, rotation, position, cog, axes)
     lower, upper = joint_order(m, law.gimbal_lower), joint_order(m, law.gimbal_upper)
     last = joint_order(m, state.gimbals)
-    thrust, angles, sigma, steps, size = allocate(
-        m,
-        rotors,
-        gimbals,
-        law,
-        share,
-        wrench,
-        force,
-        axes,
-        target.rotation,
-        rows,
-        last,
-        lower,
-        upper,
-    )
-    clip_command(rotors, lower, upper, thrust, angles)
-    given = rotor_map(m, rotors, angles) @ thrust
-    short = falls_short(wrench - given, rows, share, level_axes(target.rotation))
+    thrust, angles, sigma, steps, size = np.empty(rotor.shape[0]), last, np.inf, 0, 0.0
+    if share > 0.0:
+        pushes, angles, sigma, steps, size = allocate_virtual(
+            m,
+            gimbals.limit,
+            wrench,
+            rows,
+            last,
+            lower,
+            upper,
+            law.sweeps,
+            law.newton,
+            law.residual,
+            law.constrained,
+        )
+        thrust = spread_thrust(rotor, pushes)
+    tilt = level_axes(target.rotation)
+    if share < 1.0:
+        leaned = vectored_gimbals(
+            m, ahead, left, tilt, mass * law.gravity, law.vectoring, lower, upper, last
+        )
+        for j in range(leaned.shape[0]):
+            for k in range(2):
+                leaned[j, k] += share * (angles[j, k] - leaned[j, k])
+        angles = leaned
+        q = truncated(rotor_map(m, rotor, angles), tilt)
+        part = truncated_wrench(wrench, tilt)
+        split, dual_sigma = allocate_dual(
+            q, part, rows[2:], rotors.thrust_min, rotors.thrust_max, law.constrained
+        )
+        if share > 0.0:
+            split = blended(q, part, rotors.thrust_max, thrust, split, share)
+        thrust, sigma = split, min(sigma, dual_sigma)
+    clip_to(rotors.thrust_min, rotors.thrust_max, thrust)
+    for j in range(angles.shape[0]):
+        clip_to(lower[j], upper[j], angles[j])
+    given, full = np.zeros(6), rotor_map(m, rotor, angles)
+    for k in range(6):
+        for r in range(thrust.shape[0]):
+            given[k] += full[k, r] * thrust[r]
+    short = falls_short(wrench, given, rows)
+    if share < 1.0:
+        short = falls_short(truncated_wrench(wrench, tilt), truncated_wrench(given, tilt), rows[2:])
     turns = joint_order(m, angles)
     status = FLOWN if sigma >= law.sigma_min else REFUSED
     return (

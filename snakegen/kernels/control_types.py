@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from snakegen.kernels.tree import Floats, Ints
+from snakegen.kernels.tree import Floats
 
 VIRTUAL, DUAL = 1, 0  # modes: virtual single rotor (fully actuated), dual rotor (under-actuated)
 FLOWN, REFUSED = 0, 1  # status of a tick: REFUSED when σ_min is below the law's threshold
@@ -32,12 +32,8 @@ class Target(NamedTuple):
 class Law(NamedTuple):
     """The constants of a controller: gains of eqs 15-28, limits, options."""
 
-    force_p: Floats  # (3,) 1/s², world axes
-    force_i: Floats  # (3,) 1/s³
-    force_d: Floats  # (3,) 1/s
-    torque_p: Floats  # (3,) 1/s², CoG axes
-    torque_i: Floats  # (3,) 1/s³
-    torque_d: Floats  # (3,) 1/s
+    force: Floats  # (3, 3) rows K_p [1/s²], K_i [1/s³], K_d [1/s], world axes
+    torque: Floats  # (3, 3) the same, CoG axes
     force_integral_limit: Floats  # (3,) m s, clamp of ∫e_r
     torque_integral_limit: Floats  # (3,) rad s, clamp of ∫e_R
     attitude: Floats  # (2,) k_φ, k_θ: attitude from horizontal force
@@ -78,23 +74,3 @@ class Command(NamedTuple):
     iterations: int  # Newton steps taken
     residual: float  # ‖wanted - Q λ‖ after them, before limits
     status: int  # FLOWN or REFUSED
-
-
-class Mounts(NamedTuple):
-    """Gimbals in the CoG frame, joint 1 the one nearer to the link; made anew each tick.
-
-    Thrust direction ``A · exp(w1 x1) · exp(w2 x2) · u``, thrust point
-    ``o + A · exp(w1 x1) · (t + exp(w2 x2) · f)``.
-    """
-
-    frame: Floats  # A (Ñ, 3, 3)
-    origin: Floats  # o (Ñ, 3) m, from the CoG
-    first: Floats  # w1 (Ñ, 3) unit axis, zero if absent
-    second: Floats  # w2 (Ñ, 3)
-    lever: Floats  # t (Ñ, 3) m
-    point: Floats  # f (Ñ, 3) m
-    axis: Floats  # u (Ñ, 3)
-    rotor_point: Floats  # (n_rotors, 3) m, like `point`
-    rotor_axis: Floats  # (n_rotors, 3), like `axis`
-    swapped: Ints  # (Ñ,) 1 where joint 1 is the pitch joint
-    drag: Floats  # (Ñ,) m, mean torque ratio

@@ -1,6 +1,6 @@
 """Allocation of a full wrench to thrusts and gimbal angles: ZN23 eqs 29-47, THEORY A7.
 
-Angles here are in joint order (`vectoring.Mounts`): x1, x2 per apparatus. Where an apparatus has
+Angles here are in joint order (`vectoring.mounts`): x1, x2 per apparatus. Where an apparatus has
 fewer than two gimbal axes, its force is confined to what the rest can reach.
 """
 
@@ -8,90 +8,121 @@ from math import sqrt
 
 import numpy as np
 
-from snakegen.kernels.control_types import Mounts
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import cross_into, dot, turn_into
 from snakegen.kernels.spd import least_norm
 from snakegen.kernels.tree import Floats
-from snakegen.kernels.vectoring import point_thrust, thrust_point, turned
+from snakegen.kernels.vectoring import (
+    AXIS,
+    EXTRA,
+    FIRST,
+    ORIGIN,
+    POINT,
+    SECOND,
+    point_thrust,
+    thrust_line,
+    turned_into,
+)
+
+AT_REST = 1e-4  # rad, below which Newton finishes faster than another sweep
+UNSCALED = np.ones(6)
 
 
 @jit
-def confinement(m: Mounts, angles: Floats) -> Floats:
+def confinement(m: Floats, angles: Floats) -> Floats:
     """Returns projectors (Ñ, 3, 3), CoG axes, onto the forces that each apparatus can turn to.
 
     All of space with two gimbal axes, the plane across the axis with one, the line with none.
     """
-    n = m.axis.shape[0]
+    n = m.shape[0]
     out, u = np.zeros((n, 3, 3)), np.empty(3)
+    once, twice, elbow = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for j in range(n):
-        one, two = dot(m.first[j], m.first[j]) > 0.5, dot(m.second[j], m.second[j]) > 0.5
-        once, twice, _ = turned(m, j, angles[j, 0], angles[j, 1])
+        one, two = dot(m[j, FIRST], m[j, FIRST]) > 0.5, dot(m[j, SECOND], m[j, SECOND]) > 0.5
         if one and two:
-            out[j] = np.eye(3)
-        elif two:
-            turn_into(once, m.second[j], u)
-            out[j] = np.eye(3) - np.outer(u, u)
+            for k in range(3):
+                out[j, k, k] = 1.0
+            continue
+        turned_into(m, j, angles[j, 0], angles[j, 1], once, twice, elbow)
+        if two:
+            turn_into(once, m[j, SECOND], u)
+            across_into(u, out[j])
         else:
-            turn_into(twice, m.axis[j], u)
-            out[j] = np.outer(u, u)
+            turn_into(twice, m[j, AXIS], u)
+            along_into(u, out[j])
     return out
 
 
 @jit
-def point_map(points: Floats, drag: Floats, allowed: Floats) -> Floats:
+def along_into(u: Floats, out: Floats) -> None:
+    """Writes the projector (3, 3) onto the line along unit u."""
+    for i in range(3):
+        for k in range(3):
+            out[i, k] = u[i] * u[k]
+
+
+@jit
+def across_into(u: Floats, out: Floats) -> None:
+    """Writes the projector (3, 3) onto the plane across unit u."""
+    for i in range(3):
+        for k in range(3):
+            out[i, k] = -u[i] * u[k]
+        out[i, i] += 1.0
+
+
+@jit
+def point_map(m: Floats, angles: Floats, allowed: Floats) -> Floats:
     """Returns the map (6, 3Ñ) from forces in CoG axes to the wrench, ``[E; p× + c E] P``."""
-    n = points.shape[0]
+    n = m.shape[0]
     q, moment, column = np.empty((6, 3 * n)), np.empty(3), np.empty(3)
+    u, p = np.empty(3), np.empty(3)
     for j in range(n):
+        thrust_line(m, j, angles[j], u, p)
         for c in range(3):
             for k in range(3):
                 column[k] = allowed[j, k, c]
-            cross_into(points[j], column, moment)
+            cross_into(p, column, moment)
             for k in range(3):
                 q[k, 3 * j + c] = column[k]
-                q[3 + k, 3 * j + c] = moment[k] + drag[j] * column[k]
+                q[3 + k, 3 * j + c] = moment[k] + m[j, EXTRA, 0] * column[k]
     return q
 
 
 @jit
-def wrench_of(m: Mounts, thrust: Floats, angles: Floats) -> Floats:
+def wrench_of(m: Floats, thrust: Floats, angles: Floats) -> Floats:
     """Returns ``Q(φ, θ) λ`` (6,), rotors of an apparatus sharing its thrust: eq 13."""
     out, u, p, moment = np.zeros(6), np.empty(3), np.empty(3), np.empty(3)
     for j in range(thrust.shape[0]):
-        _, twice, elbow = turned(m, j, angles[j, 0], angles[j, 1])
-        turn_into(twice, m.axis[j], u)
-        turn_into(twice, m.point[j], p)
-        for k in range(3):
-            p[k] += elbow[k]
+        thrust_line(m, j, angles[j], u, p)
         cross_into(p, u, moment)
         for k in range(3):
             out[k] += thrust[j] * u[k]
-            out[3 + k] += thrust[j] * (moment[k] + m.drag[j] * u[k])
+            out[3 + k] += thrust[j] * (moment[k] + m[j, EXTRA, 0] * u[k])
     return out
 
 
 @jit
-def wrench_jacobian(m: Mounts, thrust: Floats, angles: Floats) -> Floats:
+def wrench_jacobian(m: Floats, thrust: Floats, angles: Floats) -> Floats:
     """Returns ``J_w`` (6, 3Ñ), columns [all λ | all x1 | all x2], with ∂p: eqs 42-45."""
     n = thrust.shape[0]
     out = np.zeros((6, 3 * n))
     u, p, arm, axis = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     du, dp, a, b = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    once, twice, elbow = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for j in range(n):
-        once, twice, elbow = turned(m, j, angles[j, 0], angles[j, 1])
-        turn_into(twice, m.axis[j], u)
-        turn_into(twice, m.point[j], p)
+        turned_into(m, j, angles[j, 0], angles[j, 1], once, twice, elbow)
+        turn_into(twice, m[j, AXIS], u)
+        turn_into(twice, m[j, POINT], p)
         for k in range(3):
             p[k] += elbow[k]
         cross_into(p, u, a)
         for k in range(3):
             out[k, j] = u[k]
-            out[3 + k, j] = a[k] + m.drag[j] * u[k]
+            out[3 + k, j] = a[k] + m[j, EXTRA, 0] * u[k]
         for kind in range(2):
-            turn_into(once, m.first[j] if kind == 0 else m.second[j], axis)
+            turn_into(once, m[j, FIRST + kind], axis)
             for k in range(3):
-                arm[k] = p[k] - (m.origin[j, k] if kind == 0 else elbow[k])
+                arm[k] = p[k] - (m[j, ORIGIN, k] if kind == 0 else elbow[k])
             cross_into(axis, u, du)
             cross_into(axis, arm, dp)
             cross_into(dp, u, a)
@@ -99,13 +130,13 @@ def wrench_jacobian(m: Mounts, thrust: Floats, angles: Floats) -> Floats:
             column = (1 + kind) * n + j
             for k in range(3):
                 out[k, column] = thrust[j] * du[k]
-                out[3 + k, column] = thrust[j] * (a[k] + b[k] + m.drag[j] * du[k])
+                out[3 + k, column] = thrust[j] * (a[k] + b[k] + m[j, EXTRA, 0] * du[k])
     return out
 
 
 @jit
 def aim_forces(
-    m: Mounts, forces: Floats, lower: Floats, upper: Floats, thrust: Floats, angles: Floats
+    m: Floats, forces: Floats, lower: Floats, upper: Floats, thrust: Floats, angles: Floats
 ) -> None:
     """Writes thrust (Ñ,) and angles (Ñ, 2) for forces (3Ñ,) in CoG axes: eqs 37-39.
 
@@ -123,17 +154,8 @@ def aim_forces(
 
 
 @jit
-def thrust_points(m: Mounts, angles: Floats) -> Floats:
-    """Returns (Ñ, 3) m, where the apparatuses push at these angles, from the CoG."""
-    points = np.empty((angles.shape[0], 3))
-    for j in range(angles.shape[0]):
-        thrust_point(m, j, angles[j, 0], angles[j, 1], points[j])
-    return points
-
-
-@jit
 def spread_forces(
-    m: Mounts,
+    m: Floats,
     wrench: Floats,
     limit: Floats,
     lower: Floats,
@@ -143,30 +165,42 @@ def spread_forces(
 ) -> tuple[Floats, Floats]:
     """Returns thrust (Ñ,) and angles (Ñ, 2) by `sweeps` fixed-point rounds of eqs 36-39.
 
-    Each round puts the thrust points where the round before turned them. Forces are of least
+    Each round puts the thrust points where the round before turned them; fewer are run when the
+    angles rest, as they do from the tick before. Forces are of least
     ``Σ (‖f_j‖ / limit_j)²``.
     """
     n = limit.shape[0]
-    angles, thrust = last.copy(), np.zeros(n)
-    weight = np.repeat(limit, 3)
+    angles, thrust, weight = last.copy(), np.zeros(n), np.empty(3 * n)
+    for j in range(n):
+        for c in range(3):
+            weight[3 * j + c] = limit[j]
     for _ in range(sweeps):
-        q = point_map(thrust_points(m, angles), m.drag, confinement(m, angles))
+        before = angles.copy()
+        q = point_map(m, angles, confinement(m, angles))
         aim_forces(m, least_norm(q, weight, wrench), lower, upper, thrust, angles)
+        moved = 0.0
+        for j in range(n):
+            moved = max(moved, abs(angles[j, 0] - before[j, 0]), abs(angles[j, 1] - before[j, 1]))
+        if moved < AT_REST:
+            break
     return thrust, angles
 
 
 @jit
-def error_size(error: Floats, rows: Floats) -> float:
-    """Returns ``‖diag(rows) error‖``."""
-    total = 0.0
+def missing(
+    m: Floats, wrench: Floats, thrust: Floats, angles: Floats, rows: Floats, error: Floats
+) -> float:
+    """Writes ``ε = w - Q(φ, θ) λ`` into `error` (6,) and returns ``‖diag(rows) ε‖``: eq 40."""
+    given, total = wrench_of(m, thrust, angles), 0.0
     for k in range(6):
+        error[k] = wrench[k] - given[k]
         total += (rows[k] * error[k]) ** 2
     return sqrt(total)
 
 
 @jit
 def refine(
-    m: Mounts,
+    m: Floats,
     wrench: Floats,
     thrust: Floats,
     angles: Floats,
@@ -180,7 +214,7 @@ def refine(
     ``δ = J_w^# ε`` with δλ measured in `scale` newtons per radian, halved until ``‖S ε‖`` falls.
 
     Args:
-        m: the mounts.
+        m: (Ñ, 10, 3) from `vectoring.mounts`.
         wrench: (6,) wanted, CoG axes.
         thrust: (Ñ,) N, start and result.
         angles: (Ñ, 2) rad, start and result.
@@ -190,24 +224,24 @@ def refine(
         residual: N and N m, where to stop.
     """
     n = thrust.shape[0]
-    weight = np.ones(3 * n)
-    weight[:n] = scale
-    error = wrench - wrench_of(m, thrust, angles)
-    for step in range(steps):
-        size = sqrt(np.sum(error * error))
-        if size <= residual:
+    weight, error = np.empty(3 * n), np.empty(6)
+    for c in range(3 * n):
+        weight[c] = scale if c < n else 1.0
+    new_thrust, new_angles = thrust, angles
+    for step in range(steps + 1):
+        size = missing(m, wrench, thrust, angles, UNSCALED, error)
+        if size <= residual or step == steps:
             return step, size
         delta = least_norm(wrench_jacobian(m, thrust, angles), weight, error)
-        before, part = error_size(error, rows), 1.0
+        before, part = missing(m, wrench, thrust, angles, rows, error), 1.0
         for _ in range(8):
             new_thrust, new_angles = thrust.copy(), angles.copy()
             for j in range(n):
                 new_thrust[j] += part * delta[j]
                 new_angles[j, 0] += part * delta[n + j]
                 new_angles[j, 1] += part * delta[2 * n + j]
-            new_error = wrench - wrench_of(m, new_thrust, new_angles)
-            if error_size(new_error, rows) < before:
+            if missing(m, wrench, new_thrust, new_angles, rows, error) < before:
                 break
             part *= 0.5
-        thrust[:], angles[:], error[:] = new_thrust, new_angles, new_error
-    return steps, sqrt(np.sum(error * error))
+        thrust[:], angles[:] = new_thrust, new_angles
+    return steps, size

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from snakegen.kernels.control_types import Law, Target
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import cross_into, turn_back_into, turn_into
 from snakegen.kernels.tree import Floats
@@ -39,7 +38,15 @@ def integrate(integral: Floats, error: Floats, dt: float, limit: Floats, held: i
 
 @jit
 def desired_force(
-    mass: float, position: Floats, velocity: Floats, integral: Floats, target: Target, law: Law
+    mass: float,
+    position: Floats,
+    velocity: Floats,
+    integral: Floats,
+    wanted: Floats,
+    wanted_velocity: Floats,
+    acceleration: Floats,
+    gains: Floats,
+    gravity: float,
 ) -> Floats:
     """Returns the world force ``m (K_p e + K_i ∫e + K_d e' + a_des + g ẑ)`` (3,) [N]: eq 15.
 
@@ -48,18 +55,20 @@ def desired_force(
         position: (3,) m, of the CoG.
         velocity: (3,) m/s, of the CoG, joint rates included.
         integral: (3,) m s, of the position error.
-        target: where the CoG should be.
-        law: gains and gravity.
+        wanted, wanted_velocity: (3,) m and m/s, where the CoG should be.
+        acceleration: (3,) m/s², fed forward.
+        gains: (3, 3) rows K_p, K_i, K_d.
+        gravity: m/s².
     """
     force = np.empty(3)
     for k in range(3):
         force[k] = mass * (
-            law.force_p[k] * (target.position[k] - position[k])
-            + law.force_i[k] * integral[k]
-            + law.force_d[k] * (target.velocity[k] - velocity[k])
-            + target.acceleration[k]
+            gains[0, k] * (wanted[k] - position[k])
+            + gains[1, k] * integral[k]
+            + gains[2, k] * (wanted_velocity[k] - velocity[k])
+            + acceleration[k]
         )
-    force[2] += mass * law.gravity
+    force[2] += mass * gravity
     return force
 
 
@@ -71,7 +80,8 @@ def desired_torque(
     integral: Floats,
     wanted: Floats,
     wanted_angular: Floats,
-    law: Law,
+    gains: Floats,
+    gyroscopic: int,
 ) -> Floats:
     """Returns ``I (K_p e_R + K_i ∫e_R + K_d e_ω) + ω × I ω`` (3,) [N m], CoG axes: eqs 17-19.
 
@@ -82,7 +92,8 @@ def desired_torque(
         integral: (3,) rad s, of the attitude error.
         wanted: (3, 3) attitude wanted.
         wanted_angular: (3,) rad/s, in the axes of `wanted`.
-        law: gains; `law.gyroscopic` switches the last term, which the print drops.
+        gains: (3, 3) rows K_p, K_i, K_d.
+        gyroscopic: 1 adds the last term, which the print drops.
     """
     error = attitude_error(rotation, wanted)
     world, rate = np.empty(3), np.empty(3)
@@ -90,13 +101,13 @@ def desired_torque(
     turn_back_into(rotation, world, rate)
     for k in range(3):
         error[k] = (
-            law.torque_p[k] * error[k]
-            + law.torque_i[k] * integral[k]
-            + law.torque_d[k] * (rate[k] - angular[k])
+            gains[0, k] * error[k]
+            + gains[1, k] * integral[k]
+            + gains[2, k] * (rate[k] - angular[k])
         )
     torque = np.empty(3)
     turn_into(inertia, error, torque)
-    if law.gyroscopic:
+    if gyroscopic:
         momentum, extra = np.empty(3), np.empty(3)
         turn_into(inertia, angular, momentum)
         cross_into(angular, momentum, extra)

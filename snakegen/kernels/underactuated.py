@@ -5,15 +5,14 @@ The mended reading of THEORY A7: f is the world force of eq 15, roll and pitch a
 CoG frame as it stands when level (eq 27 prints the link-from-CoG rotation).
 """
 
-from math import asin, atan2, cos, sin
+from math import asin, atan2, cos, sin, sqrt
 
 import numpy as np
 
-from snakegen.kernels.control_types import Law, Mounts
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import cross_into, turn_back_into, turn_into
-from snakegen.kernels.tree import Floats, Rotors
-from snakegen.kernels.vectoring import point_thrust, turned
+from snakegen.kernels.tree import Floats
+from snakegen.kernels.vectoring import point_thrust, turned_into
 
 
 @jit
@@ -45,25 +44,23 @@ def horizontal(force: Floats, rotation: Floats) -> tuple[float, float]:
 
 @jit
 def tilted_target(
-    force: Floats, rotation: Floats, wanted: Floats, weight: float, law: Law
+    ahead: float, left: float, wanted: Floats, weight: float, gains: Floats, most: float
 ) -> Floats:
     """Returns the attitude (3, 3) that makes the horizontal force: eqs 23-24.
 
     ``roll = roll_t - k_φ f'_y / (m g)`` and ``pitch = pitch_t + k_θ f'_x / (m g)`` on top of the
-    target's own, clamped to ±`law.tilt_limit` from it.
+    target's own.
 
     Args:
-        force: (3,) N, world.
-        rotation: (3, 3) attitude of the CoG frame now (for ψ).
+        ahead, left: N, f'_x and f'_y from `horizontal`.
         wanted: (3, 3) target attitude; its yaw is kept.
         weight: m g [N].
-        law: gains.
+        gains: (2,) k_φ, k_θ.
+        most: rad, clamp of the added roll and pitch.
     """
-    ahead, left = horizontal(force, rotation)
     roll, pitch, yaw = euler(wanted)
-    most = law.tilt_limit
-    roll -= min(max(law.attitude[0] * left / weight, -most), most)
-    pitch += min(max(law.attitude[1] * ahead / weight, -most), most)
+    roll -= min(max(gains[0] * left / weight, -most), most)
+    pitch += min(max(gains[1] * ahead / weight, -most), most)
     return from_euler(roll, pitch, yaw)
 
 
@@ -76,12 +73,12 @@ def level_axes(wanted: Floats) -> Floats:
 
 @jit
 def vectored_gimbals(
-    m: Mounts,
-    force: Floats,
-    rotation: Floats,
+    m: Floats,
+    ahead: float,
+    left: float,
     tilt: Floats,
     weight: float,
-    law: Law,
+    gains: Floats,
     lower: Floats,
     upper: Floats,
     last: Floats,
@@ -89,49 +86,48 @@ def vectored_gimbals(
     """Returns gimbal angles (Ñ, 2), joint order, along ``[k_θi f'_x, k_φi f'_y, m g]``: eqs 25-28.
 
     Args:
-        m: the mounts.
-        force: (3,) N, world.
-        rotation: (3, 3) attitude of the CoG frame now (for ψ).
+        m: (Ñ, 10, 3) from `vectoring.mounts`.
+        ahead, left: N, f'_x and f'_y from `horizontal`.
         tilt: (3, 3) from `level_axes`.
         weight: m g [N].
-        law: gains.
+        gains: (Ñ, 2) k_φi, k_θi.
         lower, upper: (Ñ, 2) rad, joint order.
         last: (Ñ, 2) rad, joint order.
     """
-    ahead, left = horizontal(force, rotation)
     out, level, direction = last.copy(), np.empty(3), np.empty(3)
     for j in range(last.shape[0]):
-        level[0] = law.vectoring[j, 1] * ahead
-        level[1] = law.vectoring[j, 0] * left
-        level[2] = weight
-        level /= np.sqrt(level[0] ** 2 + level[1] ** 2 + level[2] ** 2)
+        level[0], level[1], level[2] = gains[j, 1] * ahead, gains[j, 0] * left, weight
+        size = sqrt(level[0] ** 2 + level[1] ** 2 + level[2] ** 2)
+        for k in range(3):
+            level[k] /= size
         turn_back_into(tilt, level, direction)
         point_thrust(m, j, direction, last[j], lower[j], upper[j], out[j])
     return out
 
 
 @jit
-def rotor_map(m: Mounts, rotors: Rotors, angles: Floats) -> Floats:
+def rotor_map(m: Floats, rotor: Floats, angles: Floats) -> Floats:
     """Returns ``Q_dual`` (6, n) at the given gimbal angles (joint order), CoG held: eqs 7-10."""
-    count = rotors.body.shape[0]
+    count = rotor.shape[0]
     q, u, p, moment = np.empty((6, count)), np.empty(3), np.empty(3), np.empty(3)
+    once, twice, elbow = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for r in range(count):
-        j = rotors.apparatus[r]
-        _, twice, elbow = turned(m, j, angles[j, 0], angles[j, 1])
-        turn_into(twice, m.rotor_axis[r], u)
-        turn_into(twice, m.rotor_point[r], p)
+        j = int(rotor[r, 2, 1])
+        turned_into(m, j, angles[j, 0], angles[j, 1], once, twice, elbow)
+        turn_into(twice, rotor[r, 0], p)
+        turn_into(twice, rotor[r, 1], u)
         for k in range(3):
             p[k] += elbow[k]
         cross_into(p, u, moment)
         for k in range(3):
             q[k, r] = u[k]
-            q[3 + k, r] = moment[k] + rotors.torque_ratio[r] * u[k]
+            q[3 + k, r] = moment[k] + rotor[r, 2, 0] * u[k]
     return q
 
 
 @jit
 def truncated(q: Floats, tilt: Floats) -> Floats:
-    """Returns rows ``[f_z; τ]`` (4, n) of a map, or of a wrench as (6, 1): eqs 20-21.
+    """Returns rows ``[f_z; τ]`` (4, n) of a map (6, n): eqs 20-21.
 
     z is the level axis of the target attitude: the CoG frame's own z when the target is level.
     """
@@ -140,4 +136,14 @@ def truncated(q: Floats, tilt: Floats) -> Floats:
         out[0, c] = tilt[2, 0] * q[0, c] + tilt[2, 1] * q[1, c] + tilt[2, 2] * q[2, c]
         for k in range(3):
             out[1 + k, c] = q[3 + k, c]
+    return out
+
+
+@jit
+def truncated_wrench(wrench: Floats, tilt: Floats) -> Floats:
+    """Returns ``[f_z; τ]`` (4,) of a wrench (6,)."""
+    out = np.empty(4)
+    out[0] = tilt[2, 0] * wrench[0] + tilt[2, 1] * wrench[1] + tilt[2, 2] * wrench[2]
+    for k in range(3):
+        out[1 + k] = wrench[3 + k]
     return out

@@ -1,14 +1,17 @@
 """Gimbals seen from the CoG frame: where a thrust points, and which angles point it somewhere.
 
 Serves any two gimbal axes in any order (ZN23's roll and pitch, eqs 38-39, are the case w1 = x,
-w2 = y, u = z), one axis, or none.
+w2 = y, u = z), one axis, or none. The geometry of an apparatus is ten rows of three numbers, made
+anew each tick (one array, because passing tuples of arrays costs more than the arithmetic):
+rows 0-2 the frame A, then o, w1, w2, t, f, u, and [drag ratio, joint 1 is the pitch joint, 0].
+Joint 1 is the one nearer to the link. Thrust direction and point are
+``A exp(w1 x1) exp(w2 x2) u`` and ``o + A exp(w1 x1) (t + exp(w2 x2) f)``; absent axes are zero.
 """
 
 from math import atan2, pi, sqrt
 
 import numpy as np
 
-from snakegen.kernels.control_types import Mounts
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import (
     cross_into,
@@ -19,7 +22,8 @@ from snakegen.kernels.linear import (
     turn_into,
 )
 from snakegen.kernels.tree import Floats, Gimbals, Rotors, Tree
-from snakegen.kernels.wrench_map import mean_drag
+
+ORIGIN, FIRST, SECOND, LEVER, POINT, AXIS, EXTRA = 3, 4, 5, 6, 7, 8, 9
 
 
 @jit
@@ -31,7 +35,7 @@ def mounts(
     position: Floats,
     cog: Floats,
     axes: Floats,
-) -> Mounts:
+) -> tuple[Floats, Floats]:
     """Returns the gimbals' geometry in the CoG frame, free of the gimbal angles.
 
     Args:
@@ -40,68 +44,81 @@ def mounts(
         position: (n, 3) m, world origins of the bodies.
         cog: (3,) m, world; held fixed while the gimbals turn.
         axes: (3, 3) attitude of the CoG frame in the world.
+
+    Returns:
+        mounts (Ñ, 10, 3), and per rotor (n_rotors, 3, 3): its point, its axis (both like f, u),
+        and [torque ratio, apparatus, 0].
     """
-    n, count = gimbals.link_body.shape[0], rotors.body.shape[0]
-    frame, turn = np.empty((n, 3, 3)), np.zeros((n, 3, 3))
-    origin, first, second = np.empty((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-    lever, point, axis = np.zeros((n, 3)), np.empty((n, 3)), np.empty((n, 3))
-    swapped = np.zeros(n, np.int64)
-    world, arm = np.empty((3, 3)), np.empty(3)
+    n = gimbals.link_body.shape[0]
+    m, turn, world, arm = np.zeros((n, 10, 3)), np.zeros((n, 3, 3)), np.empty((3, 3)), np.empty(3)
     for j in range(n):
         roll, pitch = gimbals.roll_body[j], gimbals.pitch_body[j]
         near, far = min(roll, pitch), max(roll, pitch)
-        swapped[j] = int(pitch < roll)
+        m[j, EXTRA, 1] = 1.0 if pitch < roll else 0.0
+        body = near
         if near >= 0:
             matmul_into(rotation[tree.parent[near]], tree.rotation[near], world)
-            arm[:] = position[near] - cog
-            first[j] = tree.axis[near]
+            m[j, FIRST] = tree.axis[near]
         else:
-            carrier = tree.parent[far] if far >= 0 else gimbals.thrust_body[j]
-            world[:] = rotation[carrier]
-            arm[:] = position[carrier] - cog
-        matmul_into(axes.T, world, frame[j])
-        turn_back_into(axes, arm, origin[j])
+            body = tree.parent[far] if far >= 0 else gimbals.thrust_body[j]
+            world[:] = rotation[body]
+        for k in range(3):
+            arm[k] = position[body, k] - cog[k]
+            turn[j, k, k] = 1.0
+        turn_back_into(axes, arm, m[j, ORIGIN])
+        for k in range(3):
+            for i in range(3):
+                for a in range(3):
+                    m[j, k, i] += axes[a, k] * world[a, i]
         if far >= 0:
             turn[j] = tree.rotation[far]
-            lever[j] = tree.translation[far]
-            turn_into(turn[j], tree.axis[far], second[j])
-        else:
-            turn[j] = np.eye(3)
-        turn_into(turn[j], gimbals.thrust_point[j], point[j])
-        turn_into(turn[j], gimbals.thrust_axis[j], axis[j])
-    rotor_point, rotor_axis = np.empty((count, 3)), np.empty((count, 3))
+            m[j, LEVER] = tree.translation[far]
+            turn_into(turn[j], tree.axis[far], m[j, SECOND])
+        turn_into(turn[j], gimbals.thrust_point[j], m[j, POINT])
+        turn_into(turn[j], gimbals.thrust_axis[j], m[j, AXIS])
+    return m, rotor_rows(rotors, turn, m)
+
+
+@jit
+def rotor_rows(rotors: Rotors, turn: Floats, m: Floats) -> Floats:
+    """Returns the rotors' rows of `mounts`, and writes their mean torque ratio into `m`."""
+    count = rotors.body.shape[0]
+    rows, share = np.zeros((count, 3, 3)), np.zeros(m.shape[0])
+    for r in range(count):
+        share[rotors.apparatus[r]] += 1.0
     for r in range(count):
         j = rotors.apparatus[r]
-        turn_into(turn[j], rotors.position[r], rotor_point[r])
-        turn_into(turn[j], rotors.axis[r], rotor_axis[r])
-    drag = mean_drag(rotors, n)
-    return Mounts(
-        frame, origin, first, second, lever, point, axis, rotor_point, rotor_axis, swapped, drag
-    )
+        turn_into(turn[j], rotors.position[r], rows[r, 0])
+        turn_into(turn[j], rotors.axis[r], rows[r, 1])
+        rows[r, 2, 0], rows[r, 2, 1] = rotors.torque_ratio[r], j
+        m[j, EXTRA, 0] += rotors.torque_ratio[r] / share[j]
+    return rows
 
 
 @jit
-def turned(m: Mounts, j: int, x1: float, x2: float) -> tuple[Floats, Floats, Floats]:
-    """Returns, in CoG axes, ``A exp(w1 x1)``, ``A exp(w1 x1) exp(w2 x2)`` and joint 2's origin."""
-    step, once, twice = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    elbow = np.empty(3)
-    rotation_into(m.first[j], x1, step)
-    matmul_into(m.frame[j], step, once)
-    rotation_into(m.second[j], x2, step)
+def turned_into(
+    m: Floats, j: int, x1: float, x2: float, once: Floats, twice: Floats, elbow: Floats
+) -> None:
+    """Writes, in CoG axes, ``A exp(w1 x1)``, ``A exp(w1 x1) exp(w2 x2)``, and joint 2's origin."""
+    step = np.empty((3, 3))
+    rotation_into(m[j, FIRST], x1, step)
+    matmul_into(m[j], step, once)
+    rotation_into(m[j, SECOND], x2, step)
     matmul_into(once, step, twice)
-    turn_into(once, m.lever[j], elbow)
+    turn_into(once, m[j, LEVER], elbow)
     for k in range(3):
-        elbow[k] += m.origin[j, k]
-    return once, twice, elbow
+        elbow[k] += m[j, ORIGIN, k]
 
 
 @jit
-def thrust_point(m: Mounts, j: int, x1: float, x2: float, out: Floats) -> None:
-    """Writes the point (3,) [m] where apparatus j pushes, from the CoG."""
-    _, twice, elbow = turned(m, j, x1, x2)
-    turn_into(twice, m.point[j], out)
+def thrust_line(m: Floats, j: int, x: Floats, u: Floats, p: Floats) -> None:
+    """Writes the thrust direction u (3,) and point p (3,) [m] of apparatus j at angles x (2,)."""
+    once, twice, elbow = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    turned_into(m, j, x[0], x[1], once, twice, elbow)
+    turn_into(twice, m[j, AXIS], u)
+    turn_into(twice, m[j, POINT], p)
     for k in range(3):
-        out[k] += elbow[k]
+        p[k] += elbow[k]
 
 
 @jit
@@ -125,7 +142,7 @@ def nearest_turn(x: float, last: float, lower: float, upper: float) -> float:
 
 @jit
 def point_thrust(
-    m: Mounts, j: int, direction: Floats, last: Floats, lower: Floats, upper: Floats, out: Floats
+    m: Floats, j: int, direction: Floats, last: Floats, lower: Floats, upper: Floats, out: Floats
 ) -> None:
     """Writes the angles (x1, x2) that turn apparatus j's thrust along `direction`.
 
@@ -134,17 +151,18 @@ def point_thrust(
     An axis that is absent, or a limit, leaves the nearest direction that the rest can reach.
 
     Args:
-        m: the mounts.
+        m: (Ñ, 10, 3) from `mounts`.
         j: the apparatus.
         direction: (3,) unit, CoG axes.
         last: (2,) rad, angles of joints 1 and 2 to stay near.
         lower, upper: (2,) rad, limits of joints 1 and 2.
         out: (2,) rad.
     """
-    q, middle, twist = np.empty(3), np.empty(3), np.empty(3)
-    turn_back_into(m.frame[j], direction, q)
-    w1, w2, p = m.first[j], m.second[j], m.axis[j]
-    out[:] = last
+    q, middle, twist, reached = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    once, twice, elbow = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    turn_back_into(m[j], direction, q)
+    w1, w2, p = m[j, FIRST], m[j, SECOND], m[j, AXIS]
+    out[0], out[1] = last[0], last[1]
     if dot(w2, w2) < 0.5 and dot(w1, w1) < 0.5:
         return
     if dot(w1, w1) < 0.5:
@@ -169,10 +187,9 @@ def point_thrust(
         if not lost:
             x1 = nearest_turn(angle_about(w1, middle, q), last[0], lower[0], upper[0])
         x2 = nearest_turn(angle_about(w2, p, middle), last[1], lower[1], upper[1])
-        _, twice, _ = turned(m, j, x1, x2)
-        turn_into(twice, p, q)
-        missed = 1.0 - dot(q, direction)
-        turn_back_into(m.frame[j], direction, q)
+        turned_into(m, j, x1, x2, once, twice, elbow)
+        turn_into(twice, p, reached)
+        missed = 1.0 - dot(reached, direction)
         distance = (x1 - last[0]) ** 2 + (x2 - last[1]) ** 2 + 1e4 * missed
         if distance < best:
             best = distance
@@ -180,10 +197,10 @@ def point_thrust(
 
 
 @jit
-def joint_order(m: Mounts, angles: Floats) -> Floats:
+def joint_order(m: Floats, angles: Floats) -> Floats:
     """Returns (Ñ, 2) angles reordered between [roll, pitch] and [joint 1, joint 2]."""
     out = angles.copy()
     for j in range(angles.shape[0]):
-        if m.swapped[j]:
+        if m[j, EXTRA, 1] > 0.5:
             out[j, 0], out[j, 1] = angles[j, 1], angles[j, 0]
     return out
