@@ -12,10 +12,6 @@ from snakegen.errors import SpecError, near
 Floats = NDArray[np.float64]
 
 
-def _axes(*values: float) -> Any:
-    return field(default_factory=lambda: np.array(values, float))
-
-
 @dataclass(frozen=True, eq=False)
 class Gains:
     """Gains of eqs 15-19, per axis x, y, z, and of eqs 23-28; the defaults are Table 5's.
@@ -37,18 +33,18 @@ class Gains:
         tilt_limit: rad, clamp of the roll and pitch asked for by eqs 23-24 (assumed).
     """
 
-    force_p: Floats = _axes(3.6, 3.6, 2.8)
-    force_i: Floats = _axes(0.03, 0.03, 1.2)
-    force_d: Floats = _axes(4.0, 4.0, 2.8)
-    torque_p: Floats = _axes(15.0, 15.0, 10.0)
-    torque_i: Floats = _axes(0.3, 0.3, 0.1)
-    torque_d: Floats = _axes(5.0, 5.0, 5.0)
+    force_p: Floats = field(default_factory=lambda: np.array([3.6, 3.6, 2.8]))
+    force_i: Floats = field(default_factory=lambda: np.array([0.03, 0.03, 1.2]))
+    force_d: Floats = field(default_factory=lambda: np.array([4.0, 4.0, 2.8]))
+    torque_p: Floats = field(default_factory=lambda: np.array([15.0, 15.0, 10.0]))
+    torque_i: Floats = field(default_factory=lambda: np.array([0.3, 0.3, 0.1]))
+    torque_d: Floats = field(default_factory=lambda: np.array([5.0, 5.0, 5.0]))
     attitude_roll: float = 1.0
     attitude_pitch: float = 0.0
     vectoring_roll: float | Sequence[float] = 1.0
     vectoring_pitch: float | Sequence[float] = 1.0
-    force_integral_limit: Floats = _axes(2.0, 2.0, 2.0)
-    torque_integral_limit: Floats = _axes(2.0, 2.0, 2.0)
+    force_integral_limit: Floats = field(default_factory=lambda: np.array([2.0, 2.0, 2.0]))
+    torque_integral_limit: Floats = field(default_factory=lambda: np.array([2.0, 2.0, 2.0]))
     tilt_limit: float = 0.35
 
     def __post_init__(self) -> None:

@@ -20,6 +20,7 @@ from snakegen.kernels.control_types import (
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import matmul_into, turn_back_into
 from snakegen.kernels.mode_allocation import (
+    DUAL_SIGMA_MIN,
     allocate_dual,
     allocate_virtual,
     between,
@@ -150,6 +151,7 @@ def control_tick(
     lower, upper = joint_order(m, law.gimbal_lower), joint_order(m, law.gimbal_upper)
     last = joint_order(m, state.gimbals)
     thrust, angles, sigma, steps, size = np.empty(rotor.shape[0]), last, np.inf, 0, 0.0
+    status = FLOWN
     if share > 0.0:
         pushes, angles, sigma, steps, size = allocate_virtual(
             m,
@@ -165,6 +167,8 @@ def control_tick(
             law.constrained,
         )
         thrust = spread_thrust(rotor, pushes)
+        if sigma < law.sigma_min:
+            status = REFUSED
     tilt = level_axes(target.rotation)
     if share < 1.0:
         leaned = vectored_gimbals(
@@ -182,6 +186,8 @@ def control_tick(
         if share > 0.0:
             split = blended(q, part, rotors.thrust_max, thrust, split, share)
         thrust, sigma = split, min(sigma, dual_sigma)
+        if dual_sigma < DUAL_SIGMA_MIN:
+            status = REFUSED
     clip_to(rotors.thrust_min, rotors.thrust_max, thrust)
     for j in range(angles.shape[0]):
         clip_to(lower[j], upper[j], angles[j])
@@ -193,7 +199,6 @@ def control_tick(
     if share < 1.0:
         short = falls_short(truncated_wrench(wrench, tilt), truncated_wrench(given, tilt), rows[2:])
     turns = joint_order(m, angles)
-    status = FLOWN if sigma >= law.sigma_min else REFUSED
     return (
         State(pulled, wound, turns, blend, short),
         Command(thrust, turns, wrench, given, sigma, steps, size, status),

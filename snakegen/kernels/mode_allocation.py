@@ -17,6 +17,7 @@ from snakegen.kernels.tree import Floats
 
 LIMIT_SLACK = 1e-9  # N and rad, by which an answer may pass a limit unnoticed
 ROUNDS = 20  # of bounded allocation and aiming
+DUAL_SIGMA_MIN = 1e-3  # least scaled σ_min(Q_trunc) flown: yaw by drag alone has about 1.5 κ
 
 
 @jit

@@ -1,0 +1,258 @@
+"""A flight controller as a value: a robot's arrays, its gains and limits, and one tick.
+
+The tick is pure: memory goes in and comes out (`State`), nothing is kept between calls.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from snakegen.control.gains import Floats, Gains, gains_from
+from snakegen.errors import SnakegenError, SpecError, near
+from snakegen.kernels.control_tick import control_tick
+from snakegen.kernels.control_types import DUAL, VIRTUAL, Command, Law, Measured, State, Target
+from snakegen.kernels.tree import Gimbals, Rotors, Tree
+from snakegen.robot import GRAVITY, Robot
+
+MODES = {"virtual_single_rotor": VIRTUAL, "dual_rotor": DUAL}
+ROOT_AXES_UP_TO = 8  # links; longer bodies fly by the middle link's axes (THEORY A6)
+
+
+class ControlRefused(SnakegenError):
+    """A posture or a change of mode that the controller will not fly."""
+
+
+@dataclass(frozen=True, eq=False)
+class Controller:
+    """Everything constant about a controller.
+
+    Attributes:
+        tree, rotors, gimbals: the robot.
+        law: gains and limits as the kernels take them.
+        length: m, lever of the torque scale.
+        mode: VIRTUAL or DUAL, the mode it starts in.
+    """
+
+    tree: Tree
+    rotors: Rotors
+    gimbals: Gimbals
+    law: Law
+    length: float
+    mode: int = VIRTUAL
+
+    @property
+    def apparatuses(self) -> int:
+        """The number of vectoring apparatuses Ñ."""
+        return int(self.gimbals.limit.size)
+
+    def start(self, gimbals: Any = None) -> State:
+        """Returns the memory before the first tick.
+
+        Args:
+            gimbals: (Ñ, 2) rad, roll and pitch now; 0 if not given (a cold start).
+        """
+        turns = np.zeros((self.apparatuses, 2))
+        if gimbals is not None:
+            turns[:] = gimbals
+        return State(np.zeros(3), np.zeros(3), turns, float(self.mode), 0)
+
+    def tick(
+        self,
+        measured: Measured,
+        target: Target,
+        state: State,
+        dt: float,
+        *,
+        mode: int | None = None,
+        force_dt: float | None = None,
+    ) -> tuple[State, Command]:
+        """Returns the memory after one tick, and the command.
+
+        Args:
+            measured: sensors now.
+            target: where the CoG frame should be.
+            state: memory of the tick before.
+            dt: s since then.
+            mode: VIRTUAL or DUAL; the controller blends into it. Its own if not given.
+            force_dt: s of position error to integrate; `dt` unless the position loop is slower.
+        """
+        state, command = control_tick(
+            self.tree,
+            self.rotors,
+            self.gimbals,
+            self.law,
+            self.length,
+            self.mode if mode is None else mode,
+            measured,
+            target,
+            state,
+            float(dt),
+            float(dt if force_dt is None else force_dt),
+        )
+        return State(*state), Command(*command)
+
+    def with_law(self, **changes: Any) -> "Controller":
+        """Returns this controller with fields of its law replaced."""
+        return replace(self, law=self.law._replace(**changes))
+
+
+def law_of(
+    gains: Gains,
+    gimbals: Gimbals,
+    *,
+    gimbal_lower: Any = -np.pi,
+    gimbal_upper: Any = np.pi,
+    axes_body: int = 0,
+    axes_rotation: Any = None,
+    gyroscopic: bool = True,
+    constrained: bool = False,
+    sigma_min: float = 0.02,
+    sweeps: int = 3,
+    newton: int = 10,
+    residual: float = 1e-6,
+    blend_time: float = 1.0,
+    gravity: float = GRAVITY,
+) -> Law:
+    """Returns the kernels' form of gains and options; names as in `kernels.control_types.Law`."""
+    n = int(gimbals.limit.size)
+    return Law(
+        np.stack([gains.force_p, gains.force_i, gains.force_d]),
+        np.stack([gains.torque_p, gains.torque_i, gains.torque_d]),
+        gains.force_integral_limit,
+        gains.torque_integral_limit,
+        np.array([gains.attitude_roll, gains.attitude_pitch], float),
+        gains.vectoring(n),
+        float(gains.tilt_limit),
+        np.broadcast_to(np.asarray(gimbal_lower, float), (n, 2)).copy(),
+        np.broadcast_to(np.asarray(gimbal_upper, float), (n, 2)).copy(),
+        int(axes_body),
+        np.eye(3) if axes_rotation is None else np.array(axes_rotation, float),
+        int(gyroscopic),
+        int(constrained),
+        float(sigma_min),
+        int(sweeps),
+        int(newton),
+        float(residual),
+        float(blend_time),
+        float(gravity),
+    )
+
+
+def check_mounts(tree: Tree, rotors: Rotors, gimbals: Gimbals) -> None:
+    """Refuses gimbals that the laws cannot turn.
+
+    Raises:
+        ControlRefused: gimbal joints of an apparatus that do not follow one another, rotors that
+            stand elsewhere than on the last of them, or that are not parallel.
+    """
+    for j in range(gimbals.limit.size):
+        joints = sorted(b for b in (gimbals.roll_body[j], gimbals.pitch_body[j]) if b >= 0)
+        if len(joints) == 2 and tree.parent[joints[1]] != joints[0]:
+            raise ControlRefused(
+                f"apparatus {j + 1}: another joint stands between its gimbal joints; "
+                "name the two joints next to each other as roll and pitch."
+            )
+        if joints and gimbals.thrust_body[j] != joints[-1]:
+            raise ControlRefused(
+                f"apparatus {j + 1}: its rotors are not on the body that its last gimbal turns."
+            )
+        mine = rotors.axis[rotors.apparatus == j]
+        if np.any(mine @ gimbals.thrust_axis[j] < 1.0 - 1e-6):
+            raise ControlRefused(
+                f"apparatus {j + 1}: its rotors are not parallel; "
+                "make them apparatuses of their own."
+            )
+
+
+def flight_controller(
+    robot: Robot,
+    gains: str | Gains | None = None,
+    *,
+    allocator: str = "paper",
+    mode: str | None = None,
+    axes: str | None = None,
+    **options: Any,
+) -> Controller:
+    """Returns the controller that a robot's `<control>` element describes.
+
+    Args:
+        robot: a floating robot with vectoring apparatuses.
+        gains: the name of one of its gain sets, or gains; its own choice if not given.
+        allocator: "paper" (pseudo-inverse) or "constrained".
+        mode: "virtual_single_rotor" or "dual_rotor".
+        axes: whose axes the CoG frame has: "root", "middle" or "auto".
+        **options: further arguments of `law_of`.
+
+    Raises:
+        ControlRefused: no apparatus, or gimbals that the laws cannot turn.
+        SpecError: an unknown gain set, mode, allocator or axes.
+    """
+    control = robot.modules.control
+    if not robot.modules.apparatuses:
+        raise ControlRefused(f"{robot.name} carries no vectoring apparatus: it cannot fly.")
+    check_mounts(robot.tree, robot.rotors, robot.gimbals)
+    _among(allocator, ("paper", "constrained"), "allocator")
+    mode = str(mode or control.get("mode", "virtual_single_rotor"))
+    _among(mode, tuple(MODES), "mode")
+    axes = str(axes or control.get("axes", "auto"))
+    _among(axes, ("auto", "root", "middle"), "axes")
+    body, turn = _axes_body(robot, axes)
+    lower, upper = _gimbal_limits(robot)
+    options = {"sigma_min": float(control.get("sigma_min", 0.02))} | options
+    law = law_of(
+        gain_set(robot, gains),
+        robot.gimbals,
+        gimbal_lower=lower,
+        gimbal_upper=upper,
+        axes_body=body,
+        axes_rotation=turn,
+        constrained=allocator == "constrained",
+        **options,
+    )
+    arrays = (robot.tree, robot.rotors, robot.gimbals)
+    return Controller(*arrays, law, robot.link_length, MODES[mode])
+
+
+def gain_set(robot: Robot, gains: str | Gains | None = None) -> Gains:
+    """Returns gains by name from the robot's own sets; Table 5's where it has none.
+
+    Raises:
+        SpecError: an unknown name.
+    """
+    if isinstance(gains, Gains):
+        return gains
+    sets = robot.modules.gain_sets
+    name = str(gains or robot.modules.control.get("gains", ""))
+    if name in sets:
+        return gains_from(sets[name])
+    if gains is not None:
+        raise SpecError(f"{robot.name} has no gain set '{name}'.{near(name, sets)}")
+    return Gains()
+
+
+def _among(value: str, known: Sequence[str], what: str) -> None:
+    if value not in known:
+        raise SpecError(f"{what} '{value}' is unknown.{near(value, known)}")
+
+
+def _axes_body(robot: Robot, axes: str) -> tuple[int, Floats]:
+    links = list(robot.modules.lengths)
+    if axes == "auto":
+        axes = "middle" if len(links) > ROOT_AXES_UP_TO else "root"
+    if axes == "root" or not links:
+        return 0, np.eye(3)
+    body, turn, _ = robot.body_of_link(links[(len(links) - 1) // 2])
+    return body, turn
+
+
+def _gimbal_limits(robot: Robot) -> tuple[Floats, Floats]:
+    n = len(robot.modules.apparatuses)
+    lower, upper = np.zeros((n, 2)), np.zeros((n, 2))
+    for j, a in enumerate(robot.modules.apparatuses):
+        for k, name in enumerate((a.roll, a.pitch)):
+            if name is not None:
+                low, high, _ = robot.limits([name])
+                lower[j, k], upper[j, k] = low[0], high[0]
+    return lower, upper

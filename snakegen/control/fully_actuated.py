@@ -1,0 +1,74 @@
+"""Virtual-single-rotor allocation: a full wrench to thrusts and gimbal angles (eqs 29-47)."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from snakegen.control.controller import Controller, ControlRefused
+from snakegen.control.frame import CogFrame
+from snakegen.control.gains import Floats
+from snakegen.kernels.fully_actuated import wrench_of
+from snakegen.kernels.mode_allocation import allocate_virtual
+from snakegen.kernels.vectoring import joint_order
+
+
+@dataclass(frozen=True, eq=False)
+class Allocation:
+    """Thrusts and gimbals for a wrench.
+
+    Attributes:
+        thrust: N; (Ñ,) an apparatus in virtual-single-rotor mode, (n_rotors,) in dual-rotor mode.
+        gimbals: (Ñ, 2) rad, roll and pitch.
+        given: (6,) wrench they make.
+        sigma_min: scaled, of J_w or of Q_trunc.
+        iterations: Newton steps taken (0 in dual-rotor mode).
+        residual: ‖wanted - given‖ when they ended, before limits [N and N m].
+    """
+
+    thrust: Floats
+    gimbals: Floats
+    given: Floats
+    sigma_min: float
+    iterations: int
+    residual: float
+
+
+def allocate(
+    controller: Controller, frame: CogFrame, wrench: Any, last: Any = None, *, force: bool = False
+) -> Allocation:
+    """Returns thrusts and gimbals that give `wrench`: `sweeps` of eq 36, then Newton, eqs 40-47.
+
+    Args:
+        controller: gains, limits and options.
+        frame: the posture.
+        wrench: (6,) wanted, axes of the frame.
+        last: (Ñ, 2) rad, gimbals of the tick before; 0 at a cold start.
+        force: True answers below the σ_min threshold too.
+
+    Raises:
+        ControlRefused: the scaled σ_min(J_w) is below the law's threshold.
+    """
+    law, n = controller.law, controller.apparatuses
+    m = frame.mounts
+    turns = np.zeros((n, 2)) if last is None else np.array(last, float)
+    thrust, angles, sigma, steps, size = allocate_virtual(
+        m,
+        controller.gimbals.limit,
+        np.array(wrench, float),
+        frame.scale,
+        joint_order(m, turns),
+        joint_order(m, law.gimbal_lower),
+        joint_order(m, law.gimbal_upper),
+        law.sweeps,
+        law.newton,
+        law.residual,
+        law.constrained,
+    )
+    if sigma < law.sigma_min and not force:
+        raise ControlRefused(
+            f"this posture is too close to singular: scaled σ_min(J_w) = {sigma:.2g} is below "
+            f"{law.sigma_min:g}; bend the body more, or fly it in dual-rotor mode."
+        )
+    given = wrench_of(m, thrust, angles)
+    return Allocation(thrust, joint_order(m, angles), given, float(sigma), int(steps), float(size))
