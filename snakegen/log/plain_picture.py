@@ -81,11 +81,12 @@ def _draw_links(axes: Any, recording: Recording, view: Scene, frame: int) -> lis
         return []
     one = slice(frame, frame + 1)
     angles = {name: values[one] for name, values in view.angles.items()}
-    poses = bones.poses((view.base[0][one], view.base[1][one]), angles)
+    base = (view.base[0][one], view.base[1][one])
+    poses = bones.poses(base, angles)
     for j in bones.joints:
         ends = np.concatenate([poses[j.parent][1], poses[j.child][1]])
         axes.plot(*ends.T, color="0.55", lw=1.5)
-    line = bones.body_line(poses)[0]
+    line = bones.body_line(base, angles)[0]
     axes.plot(*line.T, color="0.25", lw=4, solid_capstyle="round")
     drawn = [line]
     if "thrust" not in recording.channels:
@@ -107,7 +108,14 @@ def _draw_group(axes: Any, shown: list[plots.Series], at: float) -> None:
         for i, label in enumerate(s.labels):
             color = _rgb(style.color(start + i, dim=s.asked))
             name = None if s.asked else label
-            axes.plot(s.time, s.values[:, i], color=color, lw=0.6 if s.asked else 1.0, label=name)
+            axes.plot(
+                s.time,
+                s.values[:, i],
+                color=color,
+                lw=0.6 if s.asked else 1.0,
+                label=name,
+                zorder=1.5 if s.asked else 2.0,
+            )
         first += 0 if s.asked else len(s.labels)
     axes.axvline(at, color="0.4", lw=0.8)
     axes.set_ylabel(shown[0].unit, fontsize=8)

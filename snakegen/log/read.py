@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +26,19 @@ def read(path: str | Path) -> Recording:
     if magic not in (b"RRF2", b"RRIO"):
         raise LogError(f"{path} is not a rerun log (.rrd)")
     header, files = _stored(path)
-    return decode(header, files)
+    try:
+        return decode(header, files)
+    except LogError as error:
+        raise LogError(f"{path} cannot be read: {error}") from None
 
 
 def _stored(path: Path) -> tuple[str, list[bytes]]:
     from rerun.chunk import RrdReader
 
     try:
-        chunks = list(RrdReader(path).store().stream())
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a missing end is said in the error below
+            chunks = list(RrdReader(path).store().stream())
     # rerun raises what its decoder meets: any of it means that the file is not whole.
     except Exception as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__

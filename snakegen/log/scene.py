@@ -50,7 +50,7 @@ def scene(recording: Recording) -> Scene:
     if bones is not None:
         labels, q = recording.channel("q").labels, recording.held("q", time)
         base, angles = sk.base_poses(labels, q), sk.joint_angles(labels, q)
-        lines = bones.body_line(bones.poses(base, angles))
+        lines = bones.body_line(base, angles)
     ghost = _ghost(recording, bones, time, base, angles)
     clouds = [lines.reshape(-1, 3), ghost.reshape(-1, 3)]
     if "position" in recording.channels:
@@ -106,22 +106,19 @@ def _log_robot(
         tree.log_urdf_to_recording(rec)
     _make_solid(rec, recording.meta["urdf"], tree)
     rotation, position = view.base
-    quaternion = _xyzw(rotation)
-    rec.send_columns(
-        "world/motion/base",
-        columns,
-        rr.Transform3D.columns(
-            translation=position,
-            quaternion=quaternion,
-            parent_frame=["tf#/world"] * len(view.time),
-            child_frame=[bones.root] * len(view.time),
-        ),
+    ticks = len(view.time)
+    moved = rr.Transform3D.columns(
+        translation=position,
+        quaternion=_xyzw(rotation),
+        parent_frame=["tf#/world"] * ticks,
+        child_frame=[bones.root] * ticks,
     )
+    rec.send_columns("world/motion/base", columns, moved)
     for j in bones.moving():
         joint = tree.get_joint_by_name(j.name)
         if joint is not None and j.name in view.angles:
             turned = joint.compute_transform_columns(view.angles[j.name].tolist(), clamp=False)
-            rec.send_columns(f"world/motion/{j.name}", columns, turned)
+            rec.send_columns(rr.new_entity_path(["world", "motion", j.name]), columns, turned)
 
 
 def _make_solid(rec: Any, urdf: str, tree: Any) -> None:
@@ -150,7 +147,7 @@ def _log_thrusts(rec: Any, recording: Recording, view: Scene, columns: list[Any]
     thrust = recording.held("thrust", view.time)
     use = thrust_use(recording, thrust)
     for i, (link, axis) in enumerate(view.rotors):
-        path = f"world/thrust/{recording.channel('thrust').labels[i]}"
+        path = rr.new_entity_path(["world", "thrust", recording.channel("thrust").labels[i]])
         rec.log(path, rr.CoordinateFrame(link), static=True)
         rec.log(path, rr.Arrows3D.from_fields(radii=[0.006 * view.size]), static=True)
         arrows = (thrust[:, i, None] * view.newton * axis).astype(np.float32)
@@ -171,17 +168,17 @@ def _log_points(rec: Any, recording: Recording, view: Scene, columns: list[Any])
             "world/cog", rr.Points3D.from_fields(radii=[radius], colors=[style.COG]), static=True
         )
         rec.send_columns("world/cog", columns, rr.Points3D.columns(positions=at))
-        trace = rr.LineStrips3D([at], colors=[(*style.COG, 90)], radii=[0.15 * radius])
+        trace = rr.LineStrips3D([at], colors=[(*style.COG, 90)], radii=[0.1 * radius])
         rec.log("world/cog_path", trace, static=True)
     if "position_target" in recording.channels:
         goal = recording.held("position_target", view.time)
         look = rr.Points3D.from_fields(radii=[radius], colors=[style.TARGET])
         rec.log("world/target/cog", look, static=True)
         rec.send_columns("world/target/cog", columns, rr.Points3D.columns(positions=goal))
-        trace = rr.LineStrips3D([goal], colors=[(*style.TARGET, 90)], radii=[0.15 * radius])
+        trace = rr.LineStrips3D([goal], colors=[(*style.TARGET, 90)], radii=[0.1 * radius])
         rec.log("world/target/path", trace, static=True)
     if view.ghost.shape[1]:
-        line = rr.LineStrips3D.from_fields(colors=[style.TARGET], radii=[0.25 * radius])
+        line = rr.LineStrips3D.from_fields(colors=[style.TARGET], radii=[0.18 * radius])
         rec.log("world/target/ghost", line, static=True)
         strips = view.ghost.astype(np.float32)
         rec.send_columns("world/target/ghost", columns, rr.LineStrips3D.columns(strips=strips))
@@ -277,7 +274,7 @@ def _ghost(
     if "joint_command" in recording.channels:
         command = recording.channel("joint_command")
         asked.update(zip(command.labels, recording.held("joint_command", time).T, strict=True))
-    return bones.body_line(bones.poses((turn @ base[0], at), asked))
+    return bones.body_line((turn @ base[0], at), asked)
 
 
 def _xyzw(rotation: Floats) -> Floats:

@@ -53,9 +53,10 @@ class Skeleton:
             return max((route[name] for name in body), key=len)
         return max(route.values(), key=len)
 
-    def body_line(self, poses: dict[str, Poses]) -> Floats:
+    def body_line(self, base: Poses, angles: dict[str, Floats]) -> Floats:
         """Returns the body as a line through its link origins to its tip, (T, n, 3) m."""
         links = self.spine()
+        poses = self.poses(base, angles, set(links))
         points = [poses[name][1] for name in links]
         if links[-1] in self.tips:
             rotation, position = poses[links[-1]]
@@ -66,15 +67,20 @@ class Skeleton:
         """The joints that turn or slide."""
         return tuple(j for j in self.joints if j.kind != "fixed")
 
-    def poses(self, base: Poses, angles: dict[str, Floats]) -> dict[str, Poses]:
+    def poses(
+        self, base: Poses, angles: dict[str, Floats], links: set[str] | None = None
+    ) -> dict[str, Poses]:
         """Returns every link's poses in the world.
 
         Args:
             base: poses of the root link, (T, 3, 3) and (T, 3).
             angles: (T,) per joint name, rad or m; a joint that is not named stays at 0.
+            links: which links are wanted, with all on the way to them; by default every one.
         """
         out = {self.root: base}
         for j in self.joints:
+            if links is not None and j.child not in links:
+                continue
             rotation, position = out[j.parent]
             turned, moved = rotation @ j.rotation, position + rotation @ j.translation
             angle = angles.get(j.name)

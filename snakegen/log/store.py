@@ -7,6 +7,7 @@ rerun's own LZ4 cannot shrink at all. Equal columns (joint angles inside `q`) ar
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 from typing import Any
@@ -46,8 +47,10 @@ def encode(recording: Recording) -> tuple[str, list[bytes]]:
     main = _axis_index(axes, recording.time)
     if main == len(tables):
         tables.append({})
+    files = [_parquet(time, table) for time, table in zip(axes, tables, strict=True)]
     header = {
         "format": FORMAT,
+        "sha256": [hashlib.sha256(data).hexdigest() for data in files],
         "axis": main,
         "channels": channels,
         "events": recording.events,
@@ -56,7 +59,6 @@ def encode(recording: Recording) -> tuple[str, list[bytes]]:
         "metrics": recording.metrics,
         "verdict": None if recording.verdict is None else recording.verdict.to_json(),
     }
-    files = [_parquet(time, table) for time, table in zip(axes, tables, strict=True)]
     return json.dumps(header, ensure_ascii=False), files
 
 
@@ -64,11 +66,13 @@ def decode(header_text: str, files: list[bytes]) -> Recording:
     """Returns the recording that `encode` was given, bit for bit.
 
     Raises:
-        LogError: another format number.
+        LogError: another format number, or samples that are not the ones that were written.
     """
     header = json.loads(header_text)
     if header.get("format") != FORMAT:
         raise LogError(f"log format {header.get('format')}; this snakegen reads format {FORMAT}")
+    if header["sha256"] != [hashlib.sha256(data).hexdigest() for data in files]:
+        raise LogError("its samples have changed since they were written")
     tables = [_columns(data) for data in files]
     channels = {}
     for name, c in header["channels"].items():

@@ -58,11 +58,10 @@ def _write(recording: Recording, path: Path, mesh_folder: Path | None) -> None:
     from snakegen.log.scene import log_scene, scene
 
     header, files = encode(recording)
-    digest = hashlib.sha256(header.encode())
-    for data in files:
-        digest.update(data)
-    # Two runs in one viewer merge when they share an id; the same run has the same one.
-    rec = rr.RecordingStream(APPLICATION, recording_id=digest.hexdigest()[:32])
+    # Runs that share an id merge in the viewer. The header holds the samples' digests: equal
+    # ids are equal runs.
+    identity = hashlib.sha256(header.encode()).hexdigest()[:32]
+    rec = rr.RecordingStream(APPLICATION, recording_id=identity)
     view = scene(recording)
     strict = rr.strict_mode()
     try:
