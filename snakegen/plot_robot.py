@@ -89,6 +89,7 @@ def draw_robot(
         axes.plot(*(eye[:2] @ points.T), ",", alpha=0.0)
         _stage(axes, points, ground, size, eye)
         _shadow(axes, segments, circles, ground, eye)
+        _joints_and_arms(axes, segments, rotors, eye)
         _rods(axes, segments, labels, eye)
         _discs(axes, rotors, circles, arrows, eye)
         if cog is not None:
@@ -212,6 +213,21 @@ def _rods(axes: Any, segments: Array, labels: Sequence[str] | None, eye: Array) 
                 zorder=95,
                 path_effects=_halo(),
             )
+
+
+def _joints_and_arms(axes: Any, segments: Array, rotors: Array, eye: Array) -> None:
+    """Draws what holds the parts together: the gap of a two-axis joint, a rotor's arm."""
+    along = segments[:, 1] - segments[:, 0]
+    length = float(np.linalg.norm(along, axis=1).mean())
+    for tip, root in zip(segments[:-1, 1], segments[1:, 0], strict=True):
+        # a longer gap is another branch, not a joint
+        if np.linalg.norm(root - tip) < 0.6 * length:
+            axes.plot(*(eye[:2] @ np.array([tip, root]).T), color=ORANGE, lw=5, zorder=9)
+    for rotor in rotors:
+        share = ((rotor - segments[:, 0]) * along).sum(1) / np.maximum((along**2).sum(1), 1e-12)
+        feet = segments[:, 0] + np.clip(share, 0.0, 1.0)[:, None] * along
+        foot = feet[np.argmin(np.linalg.norm(feet - rotor, axis=1))]
+        axes.plot(*(eye[:2] @ np.array([rotor, foot]).T), color=GREY, lw=2, zorder=9)
 
 
 def _discs(axes: Any, rotors: Array, circles: Array, arrows: Array, eye: Array) -> None:

@@ -258,6 +258,20 @@ def test_message_names_the_remedy(name: str, hint: str, folder: Path) -> None:
     assert hint in finding.message
 
 
+def test_a_tree_without_root(folder: Path) -> None:
+    codes = [f.code for f in lint(mutate("no root"), folder=folder)]
+    # the base, too, hangs on something now
+    ring = mutate("no root").replace(
+        '<joint name="weld"',
+        '<joint name="ring" type="fixed"><parent link="link2"/><child link="base"/></joint>'
+        '<joint name="weld"',
+    )
+    assert "no_root" not in codes
+    assert {"no_root", "loop"} == {f.code for f in lint(ring, folder=folder)}
+    (finding,) = lint('<robot name="empty"/>')
+    assert finding.code == "no_root"
+
+
 def test_entities_are_refused() -> None:
     bomb = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">' + "".join(
         f'<!ENTITY {chr(98 + i)} "{f"&{chr(97 + i)};" * 10}">' for i in range(12)

@@ -93,6 +93,18 @@ def test_rotors_are_discs_of_their_radius() -> None:
         assert np.linalg.norm(rim - middle, axis=1).max() == pytest.approx(0.07, rel=5e-3)
 
 
+def test_gaps_and_arms_hold_the_parts_together() -> None:
+    """A joint's gap is bridged, a far branch is not; an arm runs at right angles to its link."""
+    apart = np.array([[[0, 0, 0], [1, 0, 0]], [[1.2, 0, 0], [2.2, 0, 0]], [[0, 3, 0], [1, 3, 0]]])
+    rotor = np.array([[1.7, 0.3, 0.0]])
+    (axes,) = drawn(apart, rotor_positions=rotor, rotor_axes=[[0, 0, 1]], view=(90, -90)).axes
+    bridges = [line.get_xydata() for line in axes.lines if line.get_linewidth() == 5.0
+               and line.get_color() == ORANGE]  # fmt: skip
+    arms = [line.get_xydata() for line in axes.lines if line.get_linewidth() == 2.0]
+    assert len(bridges) == 1 and np.allclose(bridges[0], [[1, 0], [1.2, 0]])
+    assert len(arms) == 1 and np.allclose(arms[0], [[1.7, 0.3], [1.7, 0]])
+
+
 def test_thrust_arrows_have_their_length() -> None:
     (axes,) = drawn(
         SEGMENTS,

@@ -112,8 +112,11 @@ def _in_child(ask: dict[str, Any], backend: str, timeout: float) -> Picture:
 
 def _draw(ask: dict[str, Any]) -> str:
     """Draws in this process; returns the reason why there is no picture, or ""."""
-    import mujoco
-
+    try:
+        import mujoco
+    except Exception as error:
+        # importing mujoco loads the backend's library; without it PyOpenGL fails in many ways
+        return f"GL: its library does not load, {type(error).__name__}"
     try:
         model = mujoco.MjModel.from_xml_path(ask["mjcf"])
     except ValueError as error:
@@ -143,7 +146,7 @@ def _draw(ask: dict[str, Any]) -> str:
             ids = renderer.render()
     except Exception as error:
         # whatever the GL stack throws, the reason is all that the caller needs
-        return f"GL: {type(error).__name__}: {_line(error)}"
+        return f"GL: {_line(error)}"
     if is_blank(pixels, robot_share(model, ids)):
         return "GL: the picture came out blank"
     return _save(pixels, ask["png"])
@@ -219,7 +222,9 @@ def _save(image: Any, path: str) -> str:
 
 
 def _line(error: Exception) -> str:
-    return " ".join(str(error).split())[:100] or "no message"
+    """Returns the first sentence of an error in one line."""
+    text = " ".join(str(error).split()).split(". ")[0].rstrip(".")
+    return text[:160] or type(error).__name__
 
 
 if __name__ == "__main__":
