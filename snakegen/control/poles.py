@@ -1,0 +1,172 @@
+"""Closed-loop poles and delay margins of the linearised flight loops, one axis at a time.
+
+At hover the inertia in eq 17 and the allocation cancel the body, so each axis is a double
+integrator under its PID law, behind the motors' lag and a delay (Padé). In dual-rotor mode x and y
+go through the attitude loop (k_θ, k_φ) and the gimbals (k_θi, k_φi), eqs 23-28.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import comb, factorial
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from snakegen.control.controller import Controller
+from snakegen.control.gains import Floats, Gains
+from snakegen.kernels.control_types import VIRTUAL
+
+AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+LONGEST = 3.0  # s, delays beyond which a loop counts as indifferent to delay
+NDComplex = NDArray[np.complex128]
+S = Polynomial([0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """One linearised loop.
+
+    Attributes:
+        axis: x, y, z [position] or roll, pitch, yaw.
+        poles: closed-loop poles [1/s], slowest first; of x and y in dual-rotor mode they include
+            the attitude loop that they go through.
+        delay_margin: s, further delay that the loop bears; 0 when it is unstable already, inf
+            beyond 3 s.
+    """
+
+    axis: str
+    poles: NDComplex
+    delay_margin: float
+
+    @property
+    def stable(self) -> bool:
+        """True when every pole is in the left half plane."""
+        return bool(np.all(self.poles.real < 0))
+
+
+def pade(delay: float, order: int = 5) -> tuple[Polynomial, Polynomial]:
+    """Returns numerator and denominator of the Padé approximant of ``exp(-s delay)``."""
+    if delay == 0.0:
+        return Polynomial([1.0]), Polynomial([1.0])
+    terms = [
+        comb(order, k) * factorial(2 * order - k) / factorial(2 * order) * delay**k
+        for k in range(order + 1)
+    ]
+    signs = [(-1.0) ** k for k in range(order + 1)]
+    return Polynomial(np.multiply(terms, signs)), Polynomial(terms)
+
+
+def flight_loops(
+    controller: Controller, gains: Gains, mode: int, *, lag: float, delay: float = 0.0
+) -> tuple[Loop, ...]:
+    """Returns the six loops of a robot's controller in a mode; see `loops`."""
+    vectoring = tuple(gains.vectoring(controller.apparatuses).mean(axis=0))
+    return loops(gains, mode, lag=lag, delay=delay, vectoring=(vectoring[0], vectoring[1]))
+
+
+def loops(
+    gains: Gains,
+    mode: int,
+    *,
+    lag: float = 0.0,
+    delay: float = 0.0,
+    vectoring: tuple[float, float] | None = None,
+    integral: bool = True,
+) -> tuple[Loop, ...]:
+    """Returns the closed loops of x, y, z, roll, pitch, yaw.
+
+    Args:
+        gains: the gain set.
+        mode: VIRTUAL or DUAL.
+        lag: s, first-order lag of motors and gimbals alike.
+        delay: s, from sensing to command.
+        vectoring: mean k_φi and k_θi over the apparatuses (thrusts shared equally); taken from
+            `gains` if not given. (0, 0) leaves the attitude alone to move x and y.
+        integral: False leaves the integral terms out.
+    """
+    if vectoring is None:
+        means = [float(np.mean(v)) for v in (gains.vectoring_roll, gains.vectoring_pitch)]
+        vectoring = (means[0], means[1])
+    force = np.stack([gains.force_p, gains.force_i * integral, gains.force_d])
+    torque = np.stack([gains.torque_p, gains.torque_i * integral, gains.torque_d])
+    tilts = (gains.attitude_pitch, gains.attitude_roll)
+    out = []
+    for i, axis in enumerate(AXES):
+        row = force[:, i] if i < 3 else torque[:, i - 3]
+        system = _single(row, lag)
+        if mode != VIRTUAL and i < 2:  # x tilts by pitch (torque y), y by roll (torque x)
+            vector = vectoring[1 - i]
+            system = _single(vector * row, lag)
+            if tilts[i] != 0.0:
+                system = _cascade(row, torque[:, 1 - i], tilts[i], vector, lag)
+        out.append(Loop(axis, _poles(system(delay)), _delay_margin(system, delay)))
+    return tuple(out)
+
+
+def _actuator(lag: float, delay: float) -> tuple[Polynomial, Polynomial]:
+    top, bottom = pade(delay)
+    return top, bottom * (1.0 + lag * S)
+
+
+def _pid(row: Floats) -> tuple[Polynomial, Polynomial]:
+    """Returns numerator and denominator of ``K_p + K_i / s + K_d s``."""
+    if row[1] == 0.0:
+        return row[2] * S + row[0], Polynomial([1.0])
+    return row[2] * S**2 + row[0] * S + row[1], S
+
+
+def _single(row: Floats, lag: float) -> Callable[[float], Polynomial]:
+    """Returns the characteristic polynomial of ``s² + H C`` as a function of the delay."""
+    top_c, bottom_c = _pid(row)
+
+    def system(delay: float) -> Polynomial:
+        top, bottom = _actuator(lag, delay)
+        return S**2 * bottom * bottom_c + top * top_c
+
+    return system
+
+
+def _cascade(
+    outer: Floats, inner: Floats, tilt: float, vector: float, lag: float
+) -> Callable[[float], Polynomial]:
+    """Returns that of ``s² + (k T(s) + v H(s)) C(s)``, T the attitude loop, H the actuators.
+
+    The target's rate is not fed forward: ``T = H (K_p + K_i/s) / (s² + H (K_p + K_i/s + K_d s))``.
+    """
+    top_f, bottom_f = _pid(outer)
+    top_t, bottom_t = _pid(inner)
+
+    def system(delay: float) -> Polynomial:
+        top, bottom = _actuator(lag, delay)
+        below = S**2 * bottom * bottom_t + top * top_t
+        above = top * (inner[0] * bottom_t + inner[1])
+        reach = tilt * above * bottom + vector * top * below
+        return S**2 * bottom * bottom_f * below + reach * top_f
+
+    return system
+
+
+def _poles(system: Polynomial) -> NDComplex:
+    """Returns the roots, slowest first."""
+    roots = system.roots().astype(complex)
+    return np.asarray(roots[np.argsort(-roots.real)])
+
+
+def _delay_margin(system: Callable[[float], Polynomial], delay: float) -> float:
+    """Returns the further delay at which the first pole crosses, by scan and bisection."""
+
+    def stable(extra: float) -> bool:
+        return bool(np.all(_poles(system(delay + extra)).real < 0))
+
+    if not stable(0.0):
+        return 0.0
+    low, high = 0.0, 0.0
+    while stable(high):
+        if high >= LONGEST:
+            return float("inf")
+        low, high = high, max(1.1 * high, 0.005)
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return low
