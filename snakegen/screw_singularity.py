@@ -100,7 +100,7 @@ def _distinct(shapes: list[Floats], apart: float = 0.05) -> list[Floats]:
 
 
 def _seeds(low: Floats, high: Floats, samples: int, seed: int) -> Floats:
-    """Returns shapes to start from: Sobol samples, corners of the range (to 10 joints), straight."""
+    """Returns first shapes: Sobol samples, corners of the range (to 10 joints), straight."""
     d = low.size
     unit = qmc.Sobol(d, seed=seed).random(samples)
     if d <= 10:

@@ -80,7 +80,8 @@ def wheel_layout(
         alpha: helix angle [rad], positive: left hand.
         radius: r, from the drum's centre to the ground [m].
         blades, wheels_per_blade: their counts (HA: 8 and 4).
-        rollers: one of ROLLERS; "ball" has no wheels and returns empty arrays.
+        rollers: one of ROLLERS; the body of "ball" has the wheels of "ring_sphere", which only its
+            MJCF replaces by one ball.
         wheel_radius: of one wheel across its axle [m].
 
     Raises:
@@ -89,10 +90,10 @@ def wheel_layout(
     if rollers not in ROLLERS:
         raise SpecError(f"rollers '{rollers}' are unknown; one of {', '.join(ROLLERS)}.")
     _check(alpha, radius, wheel_radius, blades, wheels_per_blade)
-    m = 0 if rollers == "ball" else blades * wheels_per_blade
+    m = blades * wheels_per_blade
     index = np.arange(m)
     blade, place = index // wheels_per_blade, index % wheels_per_blade
-    step = 2 * np.pi / max(m, 1)
+    step = 2 * np.pi / m
     half_length = _half_length(rollers, alpha, radius, wheel_radius, step)
     centre = _centre_radius(rollers, alpha, radius, wheel_radius, half_length, step)
     offset = (place - (wheels_per_blade - 1) / 2) * step

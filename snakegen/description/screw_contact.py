@@ -124,13 +124,14 @@ def _ball(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
 
 
 def _screw_servo(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
-    """Adds the velocity servo of a screw; its command is θ̇ whatever the rollers are.
+    """Sets the velocity servo of a screw; its command is θ̇ whatever the rollers are.
 
     A ball of radius r rolls along the axle of eq 3 at ``-r θ̇ sin α`` where its spin obeys
     ``ω · [-sin α, cos α, 0] = -θ̇ sin α``; so θ̇ is read off it with the gear [1, -cot α, 0].
     """
     name = f"screw{unit + 1}"
-    servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    servo = spec.actuator(name) or spec.add_actuator(name=name)
+    servo.target, servo.trntype = name, mujoco.mjtTrn.mjTRN_JOINT
     if contact.rollers == "ball":
         servo.trntype = mujoco.mjtTrn.mjTRN_JOINTINPARENT
         servo.gear = [1.0, -1.0 / math.tan(contact.alpha[unit]), 0, 0, 0, 0]

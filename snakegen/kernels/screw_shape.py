@@ -12,13 +12,20 @@ Floats = NDArray[np.float64]
 
 
 @jit
+def _weakest(rows: Floats) -> tuple[float, Floats]:
+    """Returns σ₃ and its right singular vector (3,)."""
+    _, sigma, right = np.linalg.svd(rows, False)
+    return sigma[2], right[2].copy()
+
+
+@jit
 def smallest_sigma(
     shapes: Floats, alpha: Floats, L0: float, L1: float, L2: float, scale: float
 ) -> Floats:
     """Returns σ₃ of `unit_rows` for each of the shapes (m, n - 1)."""
     out = np.empty(shapes.shape[0])
     for m in range(shapes.shape[0]):
-        out[m] = np.linalg.svd(unit_rows(shapes[m], alpha, L0, L1, L2, scale), False)[1][-1]
+        out[m] = _weakest(unit_rows(shapes[m], alpha, L0, L1, L2, scale))[0]
     return out
 
 
@@ -33,7 +40,7 @@ def sigma_squared(
     """
     n = alpha.shape[0]
     rows = unit_rows(shape, alpha, L0, L1, L2, scale)
-    v = np.linalg.svd(rows, True)[2][-1].copy()
+    v = _weakest(rows)[1]
     along = rows @ v
     psi = np.zeros(n)
     psi[1:] = np.cumsum(shape)
@@ -76,8 +83,7 @@ def certify(
         waiting -= 1
         centre, half = centres[waiting].copy(), halves[waiting].copy()
         used += 1
-        rows = unit_rows(centre, alpha, L0, L1, L2, scale)
-        sigma = np.linalg.svd(rows, False)[1][-1]
+        sigma = _weakest(unit_rows(centre, alpha, L0, L1, L2, scale))[0]
         if sigma < bound or used > budget or waiting + 2 > depth:
             return -1
         if sigma - slopes @ half >= bound:
