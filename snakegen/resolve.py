@@ -21,14 +21,15 @@ def resolve(spec: "RobotSpec") -> dict[str, Any]:
     out = spec.model_dump(mode="json", exclude_none=True)
     out["chain"] |= _chain(spec.chain)
     out["joint"] |= _joint(spec.joint, n - 1)
+    count = 0
     if spec.vectoring_apparatus is not None:
         out["vectoring_apparatus"] |= _apparatuses(spec.vectoring_apparatus, n)
         count = len(out["vectoring_apparatus"]["at"])
-        for name, gains in spec.control.gain_sets.items():
-            for key in ("vectoring_roll", "vectoring_pitch"):
-                where = f"control.gain_sets.{name}.{key}"
-                values = _spread(getattr(gains, key), count, where, "apparatuses")
-                out["control"]["gain_sets"][name][key] = values
+    for name, gains in spec.control.gain_sets.items():
+        for key in ("vectoring_roll", "vectoring_pitch"):
+            where = f"control.gain_sets.{name}.{key}"
+            values = _spread(getattr(gains, key), count, where, "apparatuses")
+            out["control"]["gain_sets"][name][key] = values
     if spec.payload is not None:
         out["payload"] |= _payload(spec.payload, n)
     return out
