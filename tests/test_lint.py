@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pinocchio
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -189,6 +190,13 @@ def test_clean(folder: Path) -> None:
     assert lint(str(folder / "good.urdf")) == []
     assert lint("\ufeff" + GOOD, folder=folder) == []
     check(folder / "good.urdf")
+
+
+def test_parsers_agree_that_it_is_good() -> None:
+    """Pinocchio reads the clean file too, so the faults of the table are those and no others."""
+    model = pinocchio.buildModelFromXML(GOOD)
+    assert list(model.names)[1:] == ["joint1", "joint2"]
+    assert sum(inertia.mass for inertia in model.inertias) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("name", FAULTS)
