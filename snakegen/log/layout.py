@@ -19,7 +19,7 @@ PAGES: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 
 
-def blueprint(recording: Recording, view: Scene) -> Any:
+def blueprint(recording: Recording, view: Scene, shown: list[plots.Series]) -> Any:
     """Returns the rerun blueprint of a run."""
     import rerun.blueprint as rrb
 
@@ -30,7 +30,7 @@ def blueprint(recording: Recording, view: Scene) -> Any:
     left = rrb.Vertical(
         _world(recording, view), rrb.Tabs(*documents, active_tab=0), row_shares=[3, 1]
     )
-    pages = _pages(recording)
+    pages = _pages(plots.groups(shown))
     root = rrb.Horizontal(left, rrb.Tabs(*pages, active_tab=0), column_shares=[3, 2])
     return rrb.Blueprint(
         root if pages else left,
@@ -67,10 +67,9 @@ def _world(recording: Recording, view: Scene) -> Any:
     )
 
 
-def _pages(recording: Recording) -> list[Any]:
+def _pages(units: dict[str, str]) -> list[Any]:
     import rerun.blueprint as rrb
 
-    units = plots.groups(recording)
     named = {group for _, groups in PAGES for group in groups}
     pages = []
     for title, groups in PAGES:

@@ -106,7 +106,9 @@ def _draw_group(axes: Any, shown: list[plots.Series], at: float) -> None:
     for s in shown:
         start = 0 if s.asked else first
         for i, label in enumerate(s.labels):
-            color = _rgb(style.color(start + i, dim=s.asked))
+            color = _rgb(
+                style.LIMIT if s.name == plots.LIMIT else style.color(start + i, dim=s.asked)
+            )
             name = None if s.asked else label
             axes.plot(
                 s.time,

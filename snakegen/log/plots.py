@@ -58,13 +58,13 @@ def series(recording: Recording) -> list[Series]:
         group = _COMMANDS.get(name, c.group)
         if group not in HIDDEN and c.labels:
             out.append(Series(group, name, recording.times(name), c.values, c.labels, c.unit))
-    return out
+    return out + _limits(recording)
 
 
-def groups(recording: Recording) -> dict[str, str]:
+def groups(shown: list[Series]) -> dict[str, str]:
     """Returns the unit of every plot, by group."""
     out: dict[str, str] = {}
-    for s in series(recording):
+    for s in shown:
         out.setdefault(s.group, s.unit)
         if out[s.group] != s.unit and s.unit not in out[s.group]:
             out[s.group] += f", {s.unit}"
@@ -81,11 +81,10 @@ def _limits(recording: Recording) -> list[Series]:
     return [Series("thrust", LIMIT, ends, line, (LIMIT,), "N")]
 
 
-def log_plots(rec: Any, recording: Recording) -> None:
+def log_plots(rec: Any, shown: list[Series]) -> None:
     """Writes the time series into the rerun recording `rec`."""
     import rerun as rr
 
-    shown = [*series(recording), *_limits(recording)]
     drawn: dict[str, int] = {}
     stride = style.stride_for(sum(s.values.size for s in shown))
     for s in shown:

@@ -54,7 +54,7 @@ def _write(recording: Recording, path: Path, mesh_folder: Path | None) -> None:
     import rerun as rr
 
     from snakegen.log.layout import blueprint
-    from snakegen.log.plots import log_plots
+    from snakegen.log.plots import log_plots, series
     from snakegen.log.scene import log_scene, scene
 
     header, files = encode(recording)
@@ -62,14 +62,14 @@ def _write(recording: Recording, path: Path, mesh_folder: Path | None) -> None:
     # ids are equal runs.
     identity = hashlib.sha256(header.encode()).hexdigest()[:32]
     rec = rr.RecordingStream(APPLICATION, recording_id=identity)
-    view = scene(recording)
+    view, shown = scene(recording), series(recording)
     strict = rr.strict_mode()
     try:
         rr.set_strict_mode(True)  # else a faulty column becomes a warning inside the log
-        rec.save(path, default_blueprint=blueprint(recording, view))
+        rec.save(path, default_blueprint=blueprint(recording, view, shown))
         rec.send_recording_name(_title(recording))
         log_scene(rec, recording, view, mesh_folder)
-        log_plots(rec, recording)
+        log_plots(rec, shown)
         _log_texts(rec, recording)
         rec.log(
             ENTITY,
