@@ -1,1 +1,40 @@
-"""Missions, found by folder: one module each."""
+"""Missions, found by folder: every module here is one.
+
+A mission has a docstring whose first line says what it shows, ``applies(robot) -> bool`` whose
+docstring says what it needs, ``OPTIONS`` (literal: name → [default, help]) and
+``plan(robot, rate, **options) -> Plan`` with `rate` the ticks per second.
+"""
+
+import ast
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from snakegen.errors import MissionError, near
+
+
+@cache
+def missions() -> dict[str, str]:
+    """Returns what each mission shows, by name, without importing any."""
+    out = {}
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        if path.stem != "__init__":
+            text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+            out[path.stem] = text.splitlines()[0] if text else ""
+    return out
+
+
+def mission(name: str, robot: Any) -> Any:
+    """Returns the module of mission `name`.
+
+    Raises:
+        MissionError: no such mission, or one that does not apply to `robot`.
+    """
+    if name not in missions():
+        raise MissionError(f"there is no mission '{name}'.{near(name, missions())}")
+    module = import_module(f"snakegen.verify.missions.{name}")
+    if not module.applies(robot):
+        needs = " ".join((module.applies.__doc__ or "").split()).rstrip(".").lower()
+        raise MissionError(f"mission '{name}' does not suit {robot.name}; it needs {needs}.")
+    return module

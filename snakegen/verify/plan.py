@@ -1,0 +1,106 @@
+"""Plans: what a mission asks for at every tick, sampled before the run starts."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from snakegen.errors import MissionError
+from snakegen.geometry import Floats
+
+PEAK_RATE = 15.0 / 8.0  # largest slope of the quintic below
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """References over a run of T ticks, and where it starts.
+
+    Attributes:
+        time: (T,) s.
+        position, velocity, acceleration: (T, 3) of the CoG, world.
+        rotation: (T, 3, 3) attitude of the CoG frame.
+        angular: (T, 3) rad/s, its own axes.
+        joints: (T, k) rad, of the joints that shape the body.
+        start: (nq,) configuration at t = 0.
+        on_floor: whether the run starts at rest on the floor, rotors off.
+        window: s, from and to, that the metrics judge.
+        events: (time, text).
+        thresholds: of the verdict, over the defaults.
+        mode: (T,) the mode flown: 1 virtual-single-rotor, 0 dual-rotor; None: the robot's own.
+        disturbance: (T, 6) N, N m, world, at the root link's origin; None for none.
+    """
+
+    time: Floats
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    rotation: Floats
+    angular: Floats
+    joints: Floats
+    start: Floats
+    on_floor: bool = False
+    window: tuple[float, float] | None = None
+    events: tuple[tuple[float, str], ...] = ()
+    thresholds: dict[str, dict[str, Any]] = field(default_factory=dict)
+    mode: Floats | None = None
+    disturbance: Floats | None = None
+
+
+def quintic(s: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Returns value, slope and curvature of ``10 s³ − 15 s⁴ + 6 s⁵`` on 0…1, held outside."""
+    inside = np.clip(np.asarray(s, float), 0.0, 1.0)
+    moving = (inside > 0.0) & (inside < 1.0)
+    value = inside**3 * (10.0 + inside * (6.0 * inside - 15.0))
+    slope = np.where(moving, 30.0 * inside**2 * (1.0 - inside) ** 2, 0.0)
+    curve = np.where(moving, 60.0 * inside * (1.0 - inside) * (1.0 - 2.0 * inside), 0.0)
+    return value, slope, curve
+
+
+def through(
+    time: Floats, knots: ArrayLike, points: ArrayLike
+) -> tuple[Floats, Floats, Floats]:
+    """Returns value, rate and acceleration (T, k) of a path that rests at each point.
+
+    Between two points a quintic runs; its largest rate is 15/8 of the mean rate.
+
+    Args:
+        time: (T,) s.
+        knots: (m,) s, rising.
+        points: (m, k).
+
+    Raises:
+        MissionError: knots that do not rise, or of another count than the points.
+    """
+    at, goal = np.asarray(knots, float), np.asarray(points, float)
+    if at.ndim != 1 or len(at) != len(goal) or np.any(np.diff(at) <= 0):
+        raise MissionError(f"waypoint times {at.tolist()} must rise, one for each waypoint.")
+    value = np.repeat(goal[:1], len(time), axis=0)
+    rate, bend = np.zeros_like(value), np.zeros_like(value)
+    for k in range(len(at) - 1):
+        span = at[k + 1] - at[k]
+        f, df, ddf = quintic((time - at[k]) / span)
+        step = goal[k + 1] - goal[k]
+        value += f[:, None] * step
+        rate += df[:, None] * step / span
+        bend += ddf[:, None] * step / span**2
+    return value, rate, bend
+
+
+def knots_for(points: ArrayLike, rate: float, *, start: float = 0.0, least: float = 1.0) -> Floats:
+    """Returns times (m,) for joint waypoints (m, k) so that no joint is faster than `rate`.
+
+    Args:
+        points: rad.
+        rate: rad/s, the largest.
+        start: s, of the first waypoint.
+        least: s, between two waypoints.
+    """
+    goal = np.asarray(points, float)
+    span = PEAK_RATE * np.abs(np.diff(goal, axis=0)).max(axis=1, initial=0.0) / rate
+    return start + np.concatenate([[0.0], np.cumsum(np.maximum(span, least))])
+
+
+def level(count: int) -> tuple[Floats, Floats]:
+    """Returns attitude (T, 3, 3) and angular velocity (T, 3) of a CoG frame held level."""
+    return np.repeat(np.eye(3)[None], count, axis=0), np.zeros((count, 3))
