@@ -4,14 +4,16 @@ Everything here follows from the no-slip rows of HA eqs 3-6; motor and joint lim
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from snakegen.errors import AnalysisError
-from snakegen.kernels.screw import constraint_block, follow, unit_rows
+from snakegen.kernels.screw import follow, no_slip_rows, unit_rows
 from snakegen.paths import Path, path_length, path_pieces
 
 Floats = NDArray[np.float64]
@@ -19,13 +21,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ScrewGeometry:
-    """A chain of n screw units as HA draws it; a plant's may differ from what its law believes."""
+    """n screw units on a chain of m links, P at link 1's start; links may be bare or uneven.
 
-    alpha: tuple[float, ...]  # (n,) rad
-    r: float = 0.075  # m
-    L0: float = 0.0  # m
-    L1: float = 0.103  # m
-    L2: float = 0.123  # m
+    A plant's geometry may differ from what its law believes.
+    """
+
+    alpha: tuple[float, ...]  # (n,) rad, signed: positive is left-handed
+    r: float  # m, from a drum's centre to the ground
+    link: tuple[int, ...]  # (n,) the link of each unit, from 0, rising
+    offset: tuple[float, ...]  # (n,) m, from that link's start to the drum's centre
+    lengths: tuple[float, ...]  # (m,) m, of the links
 
     @property
     def units(self) -> int:
@@ -34,20 +39,27 @@ class ScrewGeometry:
 
     @property
     def scale(self) -> float:
-        """L = L0 + L1 + L2, by which levers are scaled [m]."""
-        return self.L0 + self.L1 + self.L2
+        """Mean link length [m], by which levers are scaled; HA's L where L0 = 0."""
+        return float(np.mean(self.lengths))
 
-    @property
-    def links(self) -> Floats:
-        """Chord lengths from P to the tail (n,) [m]: the joints, and the last link's end."""
-        chords = np.full(self.units, self.L1 + self.L2)
-        chords[0] += self.L0
-        return chords
+    @cached_property
+    def arrays(self) -> tuple[Floats, NDArray[np.int64], Floats, Floats]:
+        """α, link, offset and lengths as the kernels take them."""
+        return (
+            np.array(self.alpha, float),
+            np.array(self.link, np.int64),
+            np.array(self.offset, float),
+            np.array(self.lengths, float),
+        )
+
+    def no_slip(self, w: Floats) -> Floats:
+        """Returns the upper block of A in state w (m + 2,), (n, m + 2)."""
+        return np.asarray(no_slip_rows(w, *self.arrays))
 
     def rows(self, shape: ArrayLike, scale: float = 1.0) -> Floats:
         """Returns the no-slip rows by body twist in P's axes, (n, 3), levers divided by `scale`."""
         bent = np.ascontiguousarray(shape, float)
-        return unit_rows(bent, np.array(self.alpha), self.L0, self.L1, self.L2, scale)
+        return np.asarray(unit_rows(bent, *self.arrays, scale))
 
     def drive(self) -> Floats:
         """Returns ``-r sin α`` (n,) [m]; raises AnalysisError where an α of 0 makes B singular."""
@@ -61,15 +73,28 @@ class ScrewGeometry:
         return factor
 
 
+def hara_chain(
+    alpha: Sequence[float], r: float = 0.075, L0: float = 0.0, L1: float = 0.103, L2: float = 0.123
+) -> ScrewGeometry:
+    """Returns HA's chain, a unit on every link: L0 + L1 to the first, then L2 + L1 on [m]."""
+    n = len(alpha)
+    return ScrewGeometry(
+        tuple(alpha),
+        r,
+        tuple(range(n)),
+        (L0 + L1,) + (L1,) * (n - 1),
+        (L0 + L1 + L2,) + (L1 + L2,) * (n - 1),
+    )
+
+
 def state_rate(w: Floats, u: Floats, geometry: ScrewGeometry) -> tuple[Floats, Floats]:
-    """Returns ẇ (n + 2,) under the input u, and the slip (n,) [m/s] that no motion can avoid.
+    """Returns ẇ (m + 2,) under the input u, and the slip (n,) [m/s] that no motion can avoid.
 
     The joints turn as told; the body twist is the least-squares answer of the n no-slip rows, and
     what is left of them is slip along the wheels' axles: 0 for n ≤ 3 or a consistent input.
     """
-    g, n = geometry, geometry.units
-    rows = constraint_block(w, np.array(g.alpha), g.L0, g.L1, g.L2)
-    wanted = -g.r * np.sin(g.alpha) * u[:n] - rows[:, 3:] @ u[n:]
+    n, rows = geometry.units, geometry.no_slip(w)
+    wanted = -geometry.r * np.sin(geometry.alpha) * u[:n] - rows[:, 3:] @ u[n:]
     twist = np.linalg.lstsq(rows[:, :3], wanted, rcond=1e-9)[0]
     return np.concatenate([twist, u[n:]]), rows[:, :3] @ twist - wanted
 
@@ -81,21 +106,21 @@ def slip_sensitivity(
 
     Rates are worked out for `twist` [m/s, m/s, rad/s] with the wrong parameter, the motion with the
     right ones. A wrong r only changes the speed; a wrong α or length, with more than three units,
-    makes wheels fight. α is changed on unit 1 alone.
+    makes wheels fight. α and offset are changed on the first unit alone.
     """
+    g, more = geometry, 1 + error
     wrong = {
-        "alpha_1": replace(geometry, alpha=(geometry.alpha[0] * (1 + error), *geometry.alpha[1:])),
-        **{
-            name: replace(geometry, **{name: getattr(geometry, name) * (1 + error)})
-            for name in ("r", "L1", "L2")
-        },
+        "alpha": replace(g, alpha=(g.alpha[0] * more, *g.alpha[1:])),
+        "radius": replace(g, r=g.r * more),
+        "offset": replace(g, offset=(g.offset[0] * more, *g.offset[1:])),
+        "length": replace(g, lengths=tuple(length * more for length in g.lengths)),
     }
     bent = np.asarray(shape, float)
     w = np.concatenate([np.zeros(3), bent])
     found = {}
     for name, believed in wrong.items():
         rates = believed.rows(bent) @ np.asarray(twist, float) / believed.drive()
-        slip = state_rate(w, np.concatenate([rates, np.zeros(bent.size)]), geometry)[1]
+        slip = state_rate(w, np.concatenate([rates, np.zeros(bent.size)]), g)[1]
         found[name] = float(np.sqrt(np.mean(slip**2)))
     return found
 
@@ -127,29 +152,30 @@ def path_demand(
     Raises:
         AnalysisError: a joint would have to turn beyond `joint_limit`: says which, where, how far.
     """
-    pieces, links, n = path_pieces(path), geometry.links, geometry.units
+    pieces, links, n = path_pieces(path), geometry.arrays[3], geometry.units
     end = path_length(path) + float(links.sum())
     count = max(2, math.ceil(end / spacing) + 1)
     factor = geometry.drive()
-    alpha = np.array(geometry.alpha)
-    states, rates = np.empty((count, n + 2)), np.empty((count, 2 * n - 1))
+    m = links.size
+    states, rates = np.empty((count, m + 2)), np.empty((count, n + m - 1))
     grid = np.linspace(0.0, end, count)
     for k, s in enumerate(grid):
         states[k], slope = follow(pieces, s, links)
-        rows = constraint_block(states[k], alpha, geometry.L0, geometry.L1, geometry.L2)
-        rates[k] = np.concatenate([rows @ slope / factor, slope[3:]]) * speed
+        rates[k] = np.concatenate([geometry.no_slip(states[k]) @ slope / factor, slope[3:]])
+    rates *= speed
     bend = np.abs(states[:, 3:])
-    if bend.max() > joint_limit:
+    if bend.max(initial=0.0) > joint_limit:
         k, joint = divmod(int(bend.argmax()), bend.shape[1])
         raise AnalysisError(
             f"the path bends joint {joint + 1} to {math.degrees(bend.max()):.1f}° with the head at "
             f"s = {grid[k]:.2f} m, but it turns {math.degrees(joint_limit):.1f}°; arcs of radius "
             f"{following_radius(links, joint_limit):.3f} m or more can be followed."
         )
-    screw, joint_peak = float(np.abs(rates[:, :n]).max()), float(np.abs(rates[:, n:]).max())
+    screw = float(np.abs(rates[:, :n]).max())
+    joint_peak = float(np.abs(rates[:, n:]).max(initial=0.0))
     room = [limit / peak for limit, peak in ((screw_rate, screw), (joint_rate, joint_peak)) if peak]
     fastest = speed * min(room, default=math.inf)
-    return PathDemand(screw, joint_peak, float(bend.max()), speed, fastest)
+    return PathDemand(screw, joint_peak, float(bend.max(initial=0.0)), speed, fastest)
 
 
 def following_radius(links: ArrayLike, joint_limit: float) -> float:

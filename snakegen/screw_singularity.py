@@ -5,7 +5,7 @@ axle line goes through its centre (concurrent axles) or all stand across it (par
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +24,7 @@ RANK_TOLERANCE = 1e-6
 class DriveHold:
     """How firmly the wheels hold the body in one shape."""
 
-    shape: Floats  # (n - 1,) rad
+    shape: Floats  # (m - 1,) rad
     sigma: Floats  # scaled singular values of the no-slip rows, largest first; n = 2 has two
     rank: int
     kind: str  # "held", "parallel axles", "concurrent axles" or "one line": both at once
@@ -48,7 +48,7 @@ def drive_hold(
 ) -> DriveHold:
     """Returns rank, scaled singular values and, where a twist is free, what is free about it.
 
-    Rows are scaled by L = L0 + L1 + L2 in the lever; the rank tolerance is relative to σ₁. The
+    Levers are scaled by the mean link length L; the rank tolerance is relative to σ₁. The
     free twist [v, ω] is a turn about ``[-v_y, v_x]/ω``, or a slide where L|ω| < 1e-6 |v|. When the
     rank is 1 the axles share one line: the body slides across it and turns about any point of it.
     """
@@ -81,12 +81,13 @@ class HoldSearch:
 
 
 def _slopes(geometry: ScrewGeometry) -> Floats:
-    """Returns by how much the rows' Frobenius norm can change per radian of each joint, (n - 1,).
+    """Returns by how much the rows' Frobenius norm can change per radian of each joint, (m - 1,).
 
-    Joint k moves rows i > k: a unit direction by 1, a lever by at most Σ_{j≤k} ℓ_ij / L.
+    Joint k moves the rows of units behind it: a direction by 1, a lever by Σ_{j≤k} ℓ_ij / L.
     """
-    reach = np.cumsum(geometry.links)[:-1] / geometry.scale
-    behind = geometry.units - 1 - np.arange(geometry.units - 1)
+    _, link, _, lengths = geometry.arrays
+    reach = np.cumsum(lengths)[:-1] / geometry.scale
+    behind = (link[None, :] > np.arange(lengths.size - 1)[:, None]).sum(axis=1)
     return np.sqrt(behind * (1 + reach**2))
 
 
@@ -110,9 +111,8 @@ def _seeds(low: Floats, high: Floats, samples: int, seed: int) -> Floats:
 
 def _prove(geometry: ScrewGeometry, low: Floats, high: Floats, bound: float, budget: int) -> int:
     """Returns how many boxes proved σ₃ ≥ bound on the whole joint range, 0 where it failed."""
-    g = geometry
-    known = (np.array(g.alpha), g.L0, g.L1, g.L2, g.scale)
-    return max(int(certify(low, high, bound, _slopes(g), *known, budget)), 0)
+    known = (*geometry.arrays, geometry.scale)
+    return max(int(certify(low, high, bound, _slopes(geometry), *known, budget)), 0)
 
 
 def search_hold(
@@ -133,7 +133,7 @@ def search_hold(
 
     Args:
         geometry: the drive.
-        lower, upper: joint limits (n - 1,) [rad].
+        lower, upper: joint limits (m - 1,) [rad].
         samples, starts: how many shapes are tried and how many of them are descended from.
         budget: most boxes of the proof.
         seed: of the Sobol scramble.
@@ -141,16 +141,16 @@ def search_hold(
     Raises:
         AnalysisError: limits of the wrong size or with lower > upper.
     """
-    g, n = geometry, geometry.units
+    g, n, d = geometry, geometry.units, len(geometry.lengths) - 1
     low, high = np.asarray(lower, float), np.asarray(upper, float)
-    if low.shape != (n - 1,) or high.shape != (n - 1,) or not (low <= high).all():
+    if low.shape != (d,) or high.shape != (d,) or not (low <= high).all():
         raise AnalysisError(
-            f"{n} units need {n - 1} joint limits with lower ≤ upper; got {low}, {high}."
+            f"{d + 1} links need {d} joint limits with lower ≤ upper; got {low}, {high}."
         )
-    if n == 2:
-        always = drive_hold(g, np.clip(np.zeros(1), low, high))
-        return HoldSearch(always, (always,), None, 0)
-    known = (np.array(g.alpha), g.L0, g.L1, g.L2, g.scale)
+    if n < 3 or d == 0:
+        only = drive_hold(g, np.clip(np.zeros(d), low, high))
+        return HoldSearch(only, () if only.rank == 3 else (only,), None, 0)
+    known = (*g.arrays, g.scale)
     shapes = _seeds(low, high, samples, seed)
     best = shapes[np.argsort(smallest_sigma(shapes, *known))[:starts]]
     ends = [_descend(shape, known, low, high) for shape in best]
@@ -163,8 +163,9 @@ def search_hold(
         boxes = _prove(g, low, high, bound, budget)
         return HoldSearch(holds[0], (), bound if boxes else None, boxes)
     for m in (4, 3):
-        first = replace(g, alpha=g.alpha[:m])
-        part = search_hold(first, low[: m - 1], high[: m - 1], samples, starts, budget, seed)
+        last = g.link[m - 1]
+        first = ScrewGeometry(g.alpha[:m], g.r, g.link[:m], g.offset[:m], g.lengths[: last + 1])
+        part = search_hold(first, low[:last], high[:last], samples, starts, budget, seed)
         if part.certified is not None:
             return HoldSearch(holds[0], (), part.certified, part.boxes)
     return HoldSearch(holds[0], (), None, 0)

@@ -18,6 +18,7 @@ from snakegen.description.screw_contact import (
 )
 from snakegen.errors import DescriptionError, SpecError
 from snakegen.paths import FollowReference, TimeLaw, l_crank, path_length, square
+from snakegen.screw_motion import hara_chain
 from snakegen.verify.screw_contact import (
     ContactDrive,
     drive_contact,
@@ -142,7 +143,7 @@ def test_a_wrong_model_is_seen_by_contact():
 def test_l_crank_in_contact(start):
     path = tuple(l_crank())
     reference = FollowReference(path, (0.226,) * 4, TimeLaw((path_length(path),), 0.125, 0.4))
-    law = ScrewLaw(ALPHA, *PAPER, gain=0.5)
+    law = ScrewLaw(hara_chain(ALPHA), gain=0.5)
     run = drive_contact(law.command, reference, plant(), STARTS[start], 25.0)
     assert run.position_rmse(10.0) <= 0.003
     assert np.abs(run.error[run.time > 10, 2:]).max() < 0.02
@@ -152,7 +153,7 @@ def test_l_crank_in_contact(start):
 
 def test_square_in_contact_needs_feedback():
     reference = square(1.2, 0.2, 0.4, 3)
-    law, drive = ScrewLaw(ALPHA, *PAPER, gain=(0.5, 0.5, 0.5, 0, 0, 0)), plant()
+    law, drive = ScrewLaw(hara_chain(ALPHA), gain=(0.5, 0.5, 0.5, 0, 0, 0)), plant()
     rmse = {}
     for feedback in (True, False):
         command = replace(law, feedback=feedback).command

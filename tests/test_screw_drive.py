@@ -28,6 +28,7 @@ from snakegen.screw_motion import (
     direction_cone,
     fixed_shape_radius,
     following_radius,
+    hara_chain,
     path_demand,
     slip_sensitivity,
     state_rate,
@@ -92,6 +93,32 @@ def test_matrices_and_rates_match_differentiated_kinematics(n):
         u = wheel_rates(w, w_d, rate, gain, alpha, *sizes)
         wanted = np.linalg.solve(B_ref, A_ref @ (rate - gain @ (w - w_d)))
         assert np.abs(u - wanted).max() < 1e-9 * max(1.0, np.abs(wanted).max())
+
+
+def test_bare_links_and_uneven_lengths():
+    """Units on links 1, 2, 4 and 5 of five, against the motion of their ground points."""
+    rng = np.random.default_rng(7)
+    lengths, offset = rng.uniform(0.1, 0.4, 5), rng.uniform(0.02, 0.2, 4)
+    g = ScrewGeometry((0.5, -0.8, 0.9, -0.6), 0.06, (0, 1, 3, 4), tuple(offset), tuple(lengths))
+    w = rng.normal(size=7)
+
+    def place(state, i):
+        psi = np.cumsum(state[2:])
+        here = np.array([state[0], state[1]])
+        for j in range(g.link[i]):
+            here = here + turn(lengths[j], 0.0, psi[j])
+        return here + turn(offset[i], 0.0, psi[g.link[i]]), psi[g.link[i]]
+
+    rows = g.no_slip(w)
+    for i in range(4):
+        heading = place(w, i)[1]
+        for k in range(7):
+            step = w.astype(complex)
+            step[k] += 1e-30j
+            speed = place(step, i)[0].imag / 1e-30
+            assert np.isclose(rows[i, k], turn(1.0, 0.0, heading + g.alpha[i]) @ speed, atol=1e-12)
+    hold = search_hold(g, np.full(4, -0.7), np.full(4, 0.7), samples=256, starts=8)
+    assert hold.weakest.sigma[-1] <= np.linalg.svd(g.rows(w[3:] * 0, g.scale))[1][-1]
 
 
 def test_gain_may_be_scalar_diagonal_or_matrix():
@@ -236,8 +263,8 @@ REFERENCES = {
 @pytest.mark.parametrize("name", REFERENCES)
 def test_kinematic_loop_obeys_the_error_law(name):
     reference, gain, start = REFERENCES[name]
-    law = ScrewLaw(ALPHA, *PAPER, gain=gain)
-    run = drive_kinematic(law.command, reference, ScrewGeometry(ALPHA), start, 25.0, 0.01)
+    law = ScrewLaw(hara_chain(ALPHA), gain=gain)
+    run = drive_kinematic(law.command, reference, hara_chain(ALPHA), start, 25.0, 0.01)
     decay = np.exp(-np.multiply.outer(run.time, np.broadcast_to(gain, 6)))
     gap = np.abs(run.error - run.error[0] * decay).max(axis=1)
     assert gap[-1] < 1e-6 and gap.max() < 1e-6
@@ -251,7 +278,7 @@ def test_kinematic_loop_obeys_the_error_law(name):
 def test_a_law_held_between_stages_would_break_the_error_law():
     """Guards the proof's sharpness: holding the law for 10 ms costs a hundred times 1e-6."""
     reference, gain, start = REFERENCES["lcrank"]
-    law = ScrewLaw(ALPHA, *PAPER, gain=gain)
+    law = ScrewLaw(hara_chain(ALPHA), gain=gain)
     held = {}
 
     def stale(w, w_d, rate):
@@ -260,21 +287,21 @@ def test_a_law_held_between_stages_would_break_the_error_law():
         held["calls"] = held.get("calls", 0) + 1
         return held["u"]
 
-    run = drive_kinematic(stale, reference, ScrewGeometry(ALPHA), start, 5.0, 0.01)
+    run = drive_kinematic(stale, reference, hara_chain(ALPHA), start, 5.0, 0.01)
     assert np.abs(run.error - run.error[0] * np.exp(-0.5 * run.time)[:, None]).max() > 1e-4
 
 
 def test_law_parts_and_saturation():
     rng = np.random.default_rng(3)
     w, w_d, rate = rng.normal(size=(3, 6))
-    whole = ScrewLaw(ALPHA, *PAPER, gain=0.5).command(w, w_d, rate)
-    back = ScrewLaw(ALPHA, *PAPER, gain=0.5, feedforward=False).command(w, w_d, rate)
+    whole = ScrewLaw(hara_chain(ALPHA), gain=0.5).command(w, w_d, rate)
+    back = ScrewLaw(hara_chain(ALPHA), gain=0.5, feedforward=False).command(w, w_d, rate)
     A, B = constraint_matrices(w, ALPHA, *PAPER)
     assert np.allclose(whole - back, np.linalg.solve(B, A @ rate))
-    forward = ScrewLaw(ALPHA, *PAPER, gain=0.5, feedback=False).command(w, w_d, rate)
+    forward = ScrewLaw(hara_chain(ALPHA), gain=0.5, feedback=False).command(w, w_d, rate)
     A_d, _ = constraint_matrices(w_d, ALPHA, *PAPER)
     assert np.allclose(forward, np.linalg.solve(B, A_d @ rate))
-    slow = ScrewLaw(ALPHA, *PAPER, gain=0.5, screw_rate=1.0).command(w, w_d, rate)
+    slow = ScrewLaw(hara_chain(ALPHA), gain=0.5, screw_rate=1.0).command(w, w_d, rate)
     assert np.isclose(np.abs(slow[:4]).max(), 1.0)
     assert np.allclose(slow / np.abs(slow).max(), whole / np.abs(whole).max())
 
@@ -282,11 +309,11 @@ def test_law_parts_and_saturation():
 def test_sigma_and_its_gradient():
     rng = np.random.default_rng(5)
     for n in (3, 5, 8):
-        g = ScrewGeometry(tuple(rng.uniform(-1.4, 1.4, n)), L0=0.05)
-        known = (np.array(g.alpha), g.L0, g.L1, g.L2, g.scale)
+        g = hara_chain(rng.uniform(-1.4, 1.4, n), L0=0.05)
+        known = (*g.arrays, g.scale)
         shape = rng.uniform(-1, 1, n - 1)
         A, _ = constraint_matrices(
-            np.concatenate([np.zeros(3), shape]), g.alpha, g.r, g.L0, g.L1, g.L2
+            np.concatenate([np.zeros(3), shape]), g.alpha, 0.075, 0.05, 0.103, 0.123
         )
         scaled = A[:n, :3] / [1, 1, g.scale]
         assert np.isclose(
@@ -304,22 +331,22 @@ def test_sigma_and_its_gradient():
 @pytest.mark.parametrize(("n", "smallest"), [(3, 0.28), (4, None), (6, None), (10, 0.59)])
 def test_alternating_drives_hold_within_45_degrees(n, smallest):
     limit = np.full(n - 1, math.pi / 4)
-    found = search_hold(ScrewGeometry(alternating(n)), -limit, limit, samples=512, starts=12)
+    found = search_hold(hara_chain(alternating(n)), -limit, limit, samples=512, starts=12)
     assert not found.singular and found.certified is not None
     sigma = found.weakest.sigma[-1]
     assert found.certified <= sigma
     if smallest is not None:
         assert np.isclose(sigma, smallest, atol=0.006)
-    g = ScrewGeometry(alternating(n))
+    g = hara_chain(alternating(n))
     shapes = np.random.default_rng(n).uniform(-limit, limit, (20_000, n - 1))
-    known = (np.array(g.alpha), g.L0, g.L1, g.L2, g.scale)
+    known = (*g.arrays, g.scale)
     assert smallest_sigma(shapes, *known).min() > sigma - 1e-12
 
 
 def test_a_proof_is_refused_above_the_minimum():
     from snakegen.screw_singularity import _prove
 
-    g, limit = ScrewGeometry(alternating(3)), np.full(2, math.pi / 4)
+    g, limit = hara_chain(alternating(3)), np.full(2, math.pi / 4)
     sigma = float(search_hold(g, -limit, limit, samples=256, starts=8).weakest.sigma[-1])
     assert _prove(g, -limit, limit, 0.95 * sigma, 100_000) > 0
     assert _prove(g, -limit, limit, 1.0001 * sigma, 100_000) == 0
@@ -327,15 +354,15 @@ def test_a_proof_is_refused_above_the_minimum():
 
 def test_singular_shapes_are_found_and_described():
     right = np.full(3, math.pi / 2)
-    wide = search_hold(ScrewGeometry(alternating(4)), -right, right, samples=512, starts=12)
+    wide = search_hold(hara_chain(alternating(4)), -right, right, samples=512, starts=12)
     assert {h.kind for h in wide.singular} == {"parallel axles", "concurrent axles"}
     corner = [np.allclose(np.abs(h.shape), math.pi / 2) for h in wide.singular]
     assert corner == [h.kind == "parallel axles" for h in wide.singular]
     nearly = np.radians(
         [88.0, 88.0, 88.0]
     )  # a family at (any, ±86…87°, ∓88°): all ±90° is not first
-    assert search_hold(ScrewGeometry(alternating(4)), -nearly, nearly, starts=60).singular
-    three = search_hold(ScrewGeometry(alternating(3)), -right[:2], right[:2], samples=512)
+    assert search_hold(hara_chain(alternating(4)), -nearly, nearly, starts=60).singular
+    three = search_hold(hara_chain(alternating(3)), -right[:2], right[:2], samples=512)
     assert any(h.kind == "concurrent axles" for h in three.singular)
     first = min(np.abs(h.shape).max() for h in three.singular)
     assert math.radians(80) < first <= math.pi / 2
@@ -354,19 +381,19 @@ def check_free_twist(hold, alpha):
 
 
 def test_two_units_and_one_hand_never_hold_straight():
-    g2 = ScrewGeometry(alternating(2))
+    g2 = hara_chain(alternating(2))
     assert search_hold(g2, [-0.8], [0.8]).singular
     for bend in (-0.7, 0.0, 0.4):
         hold = drive_hold(g2, [bend])
         assert hold.rank == 2 and hold.kind == "concurrent axles"
         check_free_twist(hold, g2.alpha)
-    one_hand = drive_hold(ScrewGeometry((math.pi / 4,) * 5), np.zeros(4))
+    one_hand = drive_hold(hara_chain((math.pi / 4,) * 5), np.zeros(4))
     assert one_hand.kind == "parallel axles" and np.isclose(one_hand.direction, 0.75 * math.pi)
     check_free_twist(one_hand, (math.pi / 4,) * 5)
 
 
 def test_slip_of_redundant_wheels():
-    g = ScrewGeometry(alternating(5))
+    g = hara_chain(alternating(5))
     rng = np.random.default_rng(2)
     w = np.concatenate([rng.normal(size=3), rng.uniform(-0.5, 0.5, 4)])
     rate = rng.normal(size=7)
@@ -379,13 +406,13 @@ def test_slip_of_redundant_wheels():
     assert np.allclose(A[:5] @ moved - (B @ u)[:5], slip) and np.abs(slip).max() > 1e-3
     assert np.abs(A[:5, :3].T @ slip).max() < 1e-12
     found = slip_sensitivity(g, w[3:], [-0.1, 0.05, 0.1])
-    assert found["r"] < 1e-15 < 1e-6 < min(found["alpha_1"], found["L1"])
-    three = ScrewGeometry(alternating(3))
+    assert found["radius"] < 1e-15 < 1e-6 < min(found["alpha"], found["offset"], found["length"])
+    three = hara_chain(alternating(3))
     assert max(slip_sensitivity(three, w[3:5], [-0.1, 0.05, 0.1]).values()) < 1e-15
 
 
 def test_path_demand_and_tight_paths():
-    g = ScrewGeometry(ALPHA)
+    g = hara_chain(ALPHA)
     demand = path_demand(g, l_crank(), 0.125, 6.0, 1.0, math.pi / 4)
     assert np.isclose(math.degrees(demand.joint_angle), 21.71, atol=0.01)
     twice = path_demand(g, l_crank(), 0.25, 6.0, 1.0, math.pi / 4)
@@ -393,7 +420,7 @@ def test_path_demand_and_tight_paths():
     assert np.isclose(twice.fastest, demand.fastest)
     at_limit = path_demand(g, l_crank(), demand.fastest)
     assert np.isclose(max(at_limit.screw_rate / 6.0, at_limit.joint_rate / 1.0), 1.0)
-    smallest = following_radius(g.links, math.pi / 4)
+    smallest = following_radius(g.lengths, math.pi / 4)
     with pytest.raises(AnalysisError, match=rf"51\.\d°.*45\.0°.*radius {smallest:.3f} m"):
         path_demand(g, [("line", 0.5), ("arc", 1.5, 0.25)], 0.1, joint_limit=math.pi / 4)
     path_demand(g, [("arc", 6.0, smallest * 1.001)], 0.1, joint_limit=math.pi / 4)
@@ -402,16 +429,16 @@ def test_path_demand_and_tight_paths():
 
 
 def test_direction_cone_of_the_straight_robot_is_the_closed_form():
-    cone = direction_cone(ScrewGeometry(ALPHA), np.zeros(3), 3.0)
+    cone = direction_cone(hara_chain(ALPHA), np.zeros(3), 3.0)
     closed = 0.075 * 3.0 / (np.abs(np.cos(cone.direction)) + np.abs(np.sin(cone.direction)))
     assert np.allclose(cone.speed, closed) and np.isclose(cone.width(0.0), 2 * math.pi)
     assert 0 < cone.width(0.2) < math.pi
-    one_hand = direction_cone(ScrewGeometry((math.pi / 4,) * 4), np.zeros(3), 3.0)
+    one_hand = direction_cone(hara_chain((math.pi / 4,) * 4), np.zeros(3), 3.0)
     assert set(np.flatnonzero(one_hand.speed)) == {45, 225}  # only along the parallel axles
 
 
 def test_fixed_shape_radius_against_brute_force():
-    g, shape, speed, limit = ScrewGeometry(ALPHA), np.array([-0.3, 0.2, -0.1]), 0.125, 3.2
+    g, shape, speed, limit = hara_chain(ALPHA), np.array([-0.3, 0.2, -0.1]), 0.125, 3.2
     A, _ = constraint_matrices(np.concatenate([np.zeros(3), shape]), ALPHA, *PAPER)
     omega = np.linspace(-2, 2, 40_001)
     rates = A[:4, :3] @ np.stack([np.full_like(omega, -speed), 0 * omega, omega])
@@ -419,4 +446,4 @@ def test_fixed_shape_radius_against_brute_force():
     brute = speed / np.abs(omega[fits]).max()
     assert np.isclose(fixed_shape_radius(g, shape, speed, limit), brute, rtol=1e-3)
     assert fixed_shape_radius(g, shape, 10.0, limit) == math.inf
-    assert fixed_shape_radius(ScrewGeometry((0.7,) * 4), np.zeros(3), speed, limit) == math.inf
+    assert fixed_shape_radius(hara_chain((0.7,) * 4), np.zeros(3), speed, limit) == math.inf

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from snakegen.errors import AnalysisError
-from snakegen.kernels.screw import constraint_block, follow
+from snakegen.kernels.screw import follow
 from snakegen.paths import Path, path_pieces
+from snakegen.screw_motion import hara_chain
 
 Floats = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ def constraint_matrices(
     state, angles = _checked(w, alpha, r, (L0, L1, L2))
     n = angles.size
     A = np.zeros((2 * n - 1, n + 2))
-    A[:n] = constraint_block(state, angles, L0, L1, L2)
+    A[:n] = hara_chain(tuple(angles), r, L0, L1, L2).no_slip(state)
     A[n:, 3:] = np.eye(n - 1)
     return A, np.diag(np.concatenate([-r * np.sin(angles), np.ones(n - 1)]))
 

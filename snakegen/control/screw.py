@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from snakegen.analysis.screw_drive import wheel_rates
+from snakegen.screw_motion import ScrewGeometry
 
 Floats = NDArray[np.float64]
 
@@ -19,26 +19,25 @@ class ScrewLaw:
     travel; clipping each screw alone would turn the body.
     """
 
-    alpha: tuple[float, ...]  # (n,) rad
-    r: float  # m
-    L0: float  # m
-    L1: float  # m
-    L2: float  # m
-    gain: float | tuple[float, ...]  # K, 1/s: scalar or diagonal (n + 2,)
+    geometry: ScrewGeometry
+    gain: float | tuple[float, ...]  # K, 1/s: scalar or diagonal (m + 2,)
     feedforward: bool = True
     feedback: bool = True
     screw_rate: float = np.inf  # rad/s
     joint_rate: float = np.inf  # rad/s
 
     def command(self, w: Floats, w_d: Floats, w_d_dot: Floats) -> Floats:
-        """Returns u (2n - 1,) [rad/s] for the state w, the reference w_d and its rate, (n + 2,)."""
-        rate = w_d_dot if self.feedforward else np.zeros_like(w_d)
-        state = w if self.feedback else w_d
-        u = wheel_rates(state, w_d, rate, self.gain, self.alpha, self.r, self.L0, self.L1, self.L2)
-        n = len(self.alpha)
+        """Returns u (n + m - 1,) [rad/s] for the state w, the reference and its rate, (m + 2,)."""
+        g, state = self.geometry, w if self.feedback else w_d
+        wish = np.zeros_like(w_d)
+        if self.feedforward:
+            wish = wish + w_d_dot
+        if self.feedback:
+            wish = wish - np.asarray(self.gain) * (w - w_d)
+        screws, joints = g.no_slip(state) @ wish / g.drive(), wish[3:]
         excess = max(
             1.0,
-            float(np.abs(u[:n]).max()) / self.screw_rate,
-            float(np.abs(u[n:]).max()) / self.joint_rate,
+            float(np.abs(screws).max()) / self.screw_rate,
+            float(np.abs(joints).max(initial=0.0)) / self.joint_rate,
         )
-        return u / excess
+        return np.concatenate([screws, joints]) / excess

@@ -12,37 +12,42 @@ from numpy.typing import NDArray
 from snakegen.kernels.jit import jit
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 @jit
-def constraint_block(w: Floats, alpha: Floats, L0: float, L1: float, L2: float) -> Floats:
-    """Returns the no-slip rows of A, (n, n + 2): ``row_i · ẇ = -r sin(α_i) θ̇_i``."""
-    n = alpha.shape[0]
-    psi = np.empty(n)
+def no_slip_rows(w: Floats, alpha: Floats, link: Ints, offset: Floats, lengths: Floats) -> Floats:
+    """Returns the no-slip rows of A, (n, m + 2): ``row_i · ẇ = -r sin(α_i) θ̇_i``.
+
+    Unit i stands `offset[i]` along link `link[i]` (from 0) of m links; with HA's chain, a unit on
+    every link, ``ℓ_ij = lengths[j]`` for j < i and ``offset[i]`` for j = i.
+    """
+    m = lengths.shape[0]
+    psi = np.empty(m)
     psi[0] = w[2]
-    for i in range(1, n):
-        psi[i] = psi[i - 1] + w[2 + i]
-    block = np.zeros((n, n + 2))
-    for i in range(n):
-        direction = alpha[i] + psi[i]
-        block[i, 0] = math.cos(direction)
-        block[i, 1] = math.sin(direction)
+    for j in range(1, m):
+        psi[j] = psi[j - 1] + w[2 + j]
+    rows = np.zeros((alpha.shape[0], m + 2))
+    for i in range(alpha.shape[0]):
+        direction = alpha[i] + psi[link[i]]
+        rows[i, 0] = math.cos(direction)
+        rows[i, 1] = math.sin(direction)
         lever = 0.0
-        for j in range(i, -1, -1):
-            length = L1 + (L0 if j == 0 else 0.0) + (L2 if j < i else 0.0)
+        for j in range(link[i], -1, -1):
+            length = offset[i] if j == link[i] else lengths[j]
             lever += length * math.sin(direction - psi[j])
-            block[i, 2 + j] = lever
-    return block
+            rows[i, 2 + j] = lever
+    return rows
 
 
 @jit
 def unit_rows(
-    shape: Floats, alpha: Floats, L0: float, L1: float, L2: float, scale: float
+    shape: Floats, alpha: Floats, link: Ints, offset: Floats, lengths: Floats, scale: float
 ) -> Floats:
     """Returns the body-twist columns of A at ψ_p = 0, (n, 3), the lever divided by `scale`."""
-    w = np.zeros(alpha.shape[0] + 2)
+    w = np.zeros(lengths.shape[0] + 2)
     w[3:] = shape
-    rows = constraint_block(w, alpha, L0, L1, L2)[:, :3].copy()
+    rows = no_slip_rows(w, alpha, link, offset, lengths)[:, :3].copy()
     rows[:, 2] /= scale
     return rows
 

@@ -9,6 +9,7 @@ from snakegen.kernels.jit import jit
 from snakegen.kernels.screw import unit_rows
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 @jit
@@ -20,38 +21,36 @@ def _weakest(rows: Floats) -> tuple[float, Floats]:
 
 @jit
 def smallest_sigma(
-    shapes: Floats, alpha: Floats, L0: float, L1: float, L2: float, scale: float
+    shapes: Floats, alpha: Floats, link: Ints, offset: Floats, lengths: Floats, scale: float
 ) -> Floats:
     """Returns σ₃ of `unit_rows` for each of the shapes (m, n - 1)."""
     out = np.empty(shapes.shape[0])
     for m in range(shapes.shape[0]):
-        out[m] = _weakest(unit_rows(shapes[m], alpha, L0, L1, L2, scale))[0]
+        out[m] = _weakest(unit_rows(shapes[m], alpha, link, offset, lengths, scale))[0]
     return out
 
 
 @jit
 def sigma_squared(
-    shape: Floats, alpha: Floats, L0: float, L1: float, L2: float, scale: float
+    shape: Floats, alpha: Floats, link: Ints, offset: Floats, lengths: Floats, scale: float
 ) -> tuple[float, Floats]:
     """Returns σ₃² and its gradient by the joint angles: ``2 Σ_i (G_i·v) (∂G_i/∂φ_k · v)``.
 
-    v is the right singular vector of σ₃; φ_k turns units k + 1 … n, so only their rows change,
-    and of their levers only the links up to k: ``∂lever_i/∂φ_k = Σ_{j≤k} ℓ_ij cos(α_i+ψ_i-ψ_j)``.
+    v is the right singular vector of σ₃; φ_k turns the links after k, so only their units' rows
+    change, and of their levers only the links up to k: ``Σ_{j≤k} ℓ_ij cos(α_i + ψ_i - ψ_j)``.
     """
-    n = alpha.shape[0]
-    rows = unit_rows(shape, alpha, L0, L1, L2, scale)
+    rows = unit_rows(shape, alpha, link, offset, lengths, scale)
     v = _weakest(rows)[1]
     along = rows @ v
-    psi = np.zeros(n)
+    psi = np.zeros(lengths.shape[0])
     psi[1:] = np.cumsum(shape)
-    gradient = np.zeros(n - 1)
-    for i in range(1, n):
-        direction = alpha[i] + psi[i]
+    gradient = np.zeros(shape.shape[0])
+    for i in range(alpha.shape[0]):
+        direction = alpha[i] + psi[link[i]]
         across = -math.sin(direction) * v[0] + math.cos(direction) * v[1]
         lever = 0.0
-        for k in range(i):
-            length = L1 + L2 + (L0 if k == 0 else 0.0)
-            lever += length * math.cos(direction - psi[k])
+        for k in range(link[i]):
+            lever += lengths[k] * math.cos(direction - psi[k])
             gradient[k] += 2.0 * along[i] * (across + lever / scale * v[2])
     return along @ along, gradient
 
@@ -63,9 +62,9 @@ def certify(
     bound: float,
     slopes: Floats,
     alpha: Floats,
-    L0: float,
-    L1: float,
-    L2: float,
+    link: Ints,
+    offset: Floats,
+    lengths: Floats,
     scale: float,
     budget: int,
 ) -> int:
@@ -83,7 +82,7 @@ def certify(
         waiting -= 1
         centre, half = centres[waiting].copy(), halves[waiting].copy()
         used += 1
-        sigma = _weakest(unit_rows(centre, alpha, L0, L1, L2, scale))[0]
+        sigma = _weakest(unit_rows(centre, alpha, link, offset, lengths, scale))[0]
         if sigma < bound or used > budget or waiting + 2 > depth:
             return -1
         if sigma - slopes @ half >= bound:

@@ -52,7 +52,7 @@ def drive_kinematic(
         law: (w, w_d, ẇ_d) → u.
         reference: what to follow.
         geometry: the plant's own.
-        start: w(0) (n + 2,).
+        start: w(0) (m + 2,), m links.
         duration: [s].
         dt: step [s]; the error law holds to the fourth power of K dt.
     """
