@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
 from snakegen.kernels.chain import forward
-from snakegen.kernels.inverse_kinematics import limited_step
+from snakegen.kernels.inverse_kinematics import damped_right_inverse, limited_step
 from snakegen.kernels.twist import tip_jacobian
 from snakegen.kinetostatics.law import finite
 from snakegen.kinetostatics.tip import Tip
@@ -228,20 +228,19 @@ def follow(chain: Chain, full: Floats, path: Floats, options: Options) -> Track:
 def _move(
     chain: Chain, full: Floats, J: Floats, e: Floats, wish: Floats, options: Options
 ) -> tuple[int, Floats, Floats]:
-    """Moves `full` by one limited step, the port's rows added where the body crosses it."""
+    """Moves `full` by one limited step; what the path leaves free serves the port, then `wish`."""
+    floor, most = options.floor * chain.scale, options.damping * chain.scale
     if options.port is not None:
         off, rows = _crossing(chain, full, options.port)
-        J, e = np.vstack([J, rows]), np.concatenate([e, -0.5 * off])
+        if len(off):
+            inverse = damped_right_inverse(J, floor, most)[0]
+            spare = np.eye(J.shape[1]) - inverse @ J
+            taken = inverse @ e + spare @ wish
+            pull = damped_right_inverse(rows @ spare, floor, most)[0]
+            wish = wish + pull @ (-0.5 * off - rows @ taken)
     at = full[chain.joints]
-    step = limited_step(
-        J,
-        e,
-        wish,
-        np.minimum(chain.lower - at, 0.0),
-        np.maximum(chain.upper - at, 0.0),
-        options.floor * chain.scale,
-        options.damping * chain.scale,
-    )
+    below, above = np.minimum(chain.lower - at, 0.0), np.maximum(chain.upper - at, 0.0)
+    step = limited_step(J, e, wish, below, above, floor, most)
     full[chain.joints] = at + step.joints
     return step.rank, step.sigma, step.held
 

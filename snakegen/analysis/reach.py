@@ -1,0 +1,249 @@
+"""Reach: where the tip can go, how well it follows a path, and where it has to give up.
+
+Inverse kinematics of redundant chains (ZS24 eqs 3-5 as THEORY C reads them): damped right inverse,
+closed loop, limits and a posture wish in the null space; the body may have to pass a port.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from snakegen.errors import AnalysisError
+from snakegen.geometry import Floats
+from snakegen.kernels.chain import forward
+from snakegen.kinetostatics.follow import (
+    Chain,
+    Options,
+    Port,
+    Track,
+    chain_of,
+    checked_options,
+    checked_path,
+    follow,
+    place,
+    reach_point,
+)
+from snakegen.kinetostatics.law import finite
+from snakegen.kinetostatics.tip import find_tip
+from snakegen.robot import Robot
+
+__all__ = ["Options", "Port", "ReachResult", "analyze", "applies", "circle", "port"]
+
+NAME = "reach"
+SUMMARY = "where the tip can go and how well it follows a path"
+
+
+@dataclass(frozen=True)
+class ReachResult:
+    """What the tip can reach. Places are metres from the base origin, world axes.
+
+    Attributes:
+        joints: names of the joints that move the tip.
+        tip: (3,) m, in the posture asked about.
+        singular_values: (3,) of its position Jacobian, over the arm's length.
+        rank: of it (tolerance 1e-6 σ1); `left_inverse` tells whether eq 4's inverse exists.
+        left_inverse: see above: false for more joints than rows, always.
+        lost: (3, k) unit directions in which the tip cannot move.
+        reach: m, length of the stretched chain from its first joint: no point beyond it.
+        started: distance [m] by which the path's first point was missed, 0 if reached.
+        track: what became of the path, None if its first point was missed.
+        why: one sentence: complete, or where and why the path was lost.
+    """
+
+    joints: tuple[str, ...]
+    tip: Floats
+    singular_values: Floats
+    rank: int
+    left_inverse: bool
+    lost: Floats
+    reach: float
+    started: float
+    track: Track | None
+    why: str
+
+    @property
+    def complete(self) -> bool:
+        """Tells whether the whole path was followed."""
+        return self.track is not None and self.track.complete
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data; keys carry units."""
+        track = self.track
+        out: dict[str, Any] = {
+            "joints": list(self.joints),
+            "tip_m": self.tip.tolist(),
+            "singular_values": self.singular_values.tolist(),
+            "rank": self.rank,
+            "left_inverse_exists": self.left_inverse,
+            "lost_directions": self.lost.T.tolist(),
+            "reach_m": self.reach,
+            "start_missed_by_m": self.started,
+            "complete": self.complete,
+            "why": self.why,
+        }
+        if track is not None:
+            rms = float(np.sqrt(np.mean(track.error**2)))
+            clear = track.clearance
+            out["path"] = {
+                "samples_reached": track.reached,
+                "length_reached_m": track.length,
+                "length_m": track.whole,
+                "error_max_m": float(track.error.max()),
+                "error_rms_m": rms,
+                "rank_min": int(track.rank.min()),
+                "sigma_min": float(track.sigma[:, -1].min()),
+                "joints_at_limit": list(track.held),
+                "port_clearance_m": clear if np.isfinite(clear) else None,
+                "joints_end_rad": dict(zip(self.joints, track.angles[-1].tolist(), strict=True)),
+            }
+        return out
+
+
+def applies(robot: Robot) -> bool:
+    """Tells whether the robot has a chain whose tip can be led."""
+    return len(robot.chain_joints) > 0
+
+
+def circle(
+    centre: ArrayLike, radius: float, normal: ArrayLike, duration: float, dt: float = 0.01
+) -> Floats:
+    """Returns a circle (m, 3) [m], once round in `duration` [s], at rest at its ends.
+
+    Raises:
+        AnalysisError: a radius or duration that is not positive, a normal of length 0.
+    """
+    n = finite(normal, (3,), "normal")
+    if not (radius > 0 and duration > 0 and dt > 0 and np.linalg.norm(n) > 0):
+        raise AnalysisError("circle: radius, duration and dt above 0 and a normal are needed.")
+    first, second = np.linalg.svd(n[None])[2][1:]
+    t = np.linspace(0.0, 1.0, max(int(round(duration / dt)), 2) + 1)
+    angle = 2 * np.pi * t**3 * (10 - 15 * t + 6 * t * t)  # rate and acceleration vanish at the ends
+    ring = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
+    return np.asarray(finite(centre, (3,), "centre") + radius * ring)
+
+
+def port(centre: ArrayLike, axis: ArrayLike, radius: float) -> Port:
+    """Returns an opening the body must pass, its axis pointing inwards.
+
+    Raises:
+        AnalysisError: an axis of length 0, a radius that is not positive.
+    """
+    a = finite(axis, (3,), "port axis")
+    if not (np.linalg.norm(a) > 0 and radius > 0):
+        raise AnalysisError("port: an axis and a radius above 0 are needed.")
+    return Port(finite(centre, (3,), "port centre"), a / np.linalg.norm(a), float(radius))
+
+
+def analyze(
+    robot: Robot,
+    q: ArrayLike,
+    *,
+    path: ArrayLike | None = None,
+    tip: str | None = None,
+    tip_point: ArrayLike | None = None,
+    options: Options | None = None,
+    radius: float = 0.05,
+    duration: float = 10.0,
+) -> ReachResult:
+    """Returns what the tip can reach, and what becomes of a path that it is to follow.
+
+    The base is held. Without a path the tip draws a circle of `radius` round a point that lies an
+    eighth of the reach behind its place, facing the chain: every arm can bend to that.
+
+    Args:
+        robot: any robot with a chain joint.
+        q: (nq,) posture it starts from; the tip first goes to the path's first point.
+        path: (m, 3) m from the base origin, world axes, a sample every `options.dt`.
+        tip, tip_point: link and point (m, link axes) that follows; the last link's end if absent.
+        options: the loop; its defaults close it at 10/s and 10 ms.
+        radius, duration: m and s, of the circle.
+
+    Raises:
+        AnalysisError: no chain joint, a path or option that is none.
+    """
+    if not applies(robot):
+        raise AnalysisError(f"{robot.name} has no chain joint: its tip cannot be led.")
+    q = robot.check_q(q)
+    chain = chain_of(robot, q, find_tip(robot, tip, tip_point))
+    loop = checked_options(options or Options(), len(chain.joints))
+    full = robot.angles(q)
+    start, J = place(chain, full)
+    first, whole = _stretched(chain)
+    given = checked_path(path) if path is not None else None
+    if given is None:
+        given = _default_circle(start, first, whole, radius, duration, loop.dt)
+    u, s, _ = np.linalg.svd(J)
+    rank = int(np.sum(s > 1e-6 * max(s[0], 1e-300)))
+    full, missed, held = reach_point(chain, full, given[0], loop)
+    track = follow(chain, full, given, loop) if missed <= loop.give_up else None
+    names = tuple(robot.joint_names[j] for j in chain.joints)
+    return ReachResult(
+        names,
+        start,
+        np.asarray(s / chain.scale),
+        rank,
+        len(names) <= 3 and rank == len(names),
+        np.asarray(u[:, rank:]),
+        whole,
+        missed if track is None else 0.0,
+        track,
+        _why(given, first, whole, missed, held, track, loop.floor),
+    )
+
+
+def _stretched(chain: Chain) -> tuple[Floats, float]:
+    """Returns the first joint's place (3,) and the length of the chain stretched from there [m]."""
+    tree, body = chain.robot.tree, chain.tip.body
+    length = float(np.linalg.norm(chain.tip.point))
+    first = int(chain.joints[0]) + 1
+    while body != first:
+        length += float(np.linalg.norm(tree.translation[body]))
+        body = int(tree.parent[body])
+    # Only the first joint's place is read, which no chain joint moves.
+    _, position = forward(tree, chain.base, np.zeros(3), np.zeros(len(tree.parent) - 1))
+    return position[first], length
+
+
+def _default_circle(
+    start: Floats, first: Floats, whole: float, radius: float, duration: float, dt: float
+) -> Floats:
+    """Returns a circle that faces the chain, drawn back by an eighth of its length."""
+    out = start - first
+    far = float(np.linalg.norm(out))
+    along = out / far if far > 1e-9 else np.array([1.0, 0.0, 0.0])
+    return circle(start - along * min(whole / 8, 0.5 * far), radius, along, duration, dt)
+
+
+def _why(
+    path: Floats,
+    first: Floats,
+    whole: float,
+    missed: float,
+    held: tuple[str, ...],
+    track: Track | None,
+    floor: float,
+) -> str:
+    """Returns one sentence about the path's fate."""
+    if track is not None and track.complete:
+        told = f"the whole path of {track.whole:.4g} m was followed"
+        if track.clearance < 0:
+            return f"{told}, but the body passes {-track.clearance * 1e3:.3g} mm outside the port"
+        return told
+    if track is None:
+        at, begin = path[0], f"the path's first point is missed by {missed * 1e3:.3g} mm"
+    else:
+        at, held = path[track.reached], track.held
+        begin = f"the path is lost after {track.length:.4g} of {track.whole:.4g} m"
+    far = float(np.linalg.norm(at - first))
+    if far > whole:
+        return (
+            f"{begin}: the next point is {far:.4g} m from the first joint, "
+            f"{(far - whole) * 1e3:.3g} mm beyond the stretched chain"
+        )
+    if held:
+        return f"{begin}: {', '.join(held)} at the limit"
+    near = track is None or track.sigma[-1, -1] < floor
+    where = "too near a singular posture" if near else "no step inside the joint limits goes on"
+    return f"{begin}: {where}"
