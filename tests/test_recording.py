@@ -130,6 +130,22 @@ def test_lying_on_the_floor_is_not_surviving():
     assert not verdict(metrics(bumped), wanted).passed
 
 
+def test_take_off_is_seen_from_forces_alone():
+    time = np.arange(0.0, 6.0, 0.01)
+    bouncing = (time < 1.0) & (np.sin(40 * time) > 0)
+    m = metrics(Recording(time, {"floor_contact": channel("floor_contact", 5.0 * bouncing)}))
+    assert m["took_off"] and m["floor_contact_after_takeoff_s"] == 0.0
+    fallen = bouncing | (time >= 4.0)
+    m = metrics(Recording(time, {"floor_contact": channel("floor_contact", 5.0 * fallen)}))
+    assert m["took_off"] and m["floor_contact_after_takeoff_s"] == pytest.approx(2.0)
+    lying = np.ones_like(time)
+    m = metrics(Recording(time, {"floor_contact": channel("floor_contact", lying)}))
+    assert m["took_off"] is False and "floor_contact_after_takeoff_s" not in m
+    in_air = np.zeros_like(time)
+    m = metrics(Recording(time, {"floor_contact": channel("floor_contact", in_air)}))
+    assert m["took_off"] and m["floor_contact_after_takeoff_s"] == 0.0
+
+
 def test_what_is_not_finite_fails():
     run = flight(1.0)
     bad = run.channel("position").values.copy()

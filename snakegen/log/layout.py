@@ -25,7 +25,13 @@ def blueprint(recording: Recording, view: Scene, shown: list[plots.Series]) -> A
 
     documents = [
         rrb.TextDocumentView(origin="report", name="Report"),
-        rrb.TextLogView(origin="events", name="Events"),
+        rrb.TextLogView(
+            origin="events",
+            name="Events",
+            columns=rrb.TextLogColumns(
+                timeline_columns=[style.TIMELINE], text_log_columns=["LogLevel", "Body"]
+            ),
+        ),
     ]
     left = rrb.Vertical(
         _world(recording, view), rrb.Tabs(*documents, active_tab=0), row_shares=[3, 1]

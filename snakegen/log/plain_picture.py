@@ -89,14 +89,14 @@ def _draw_links(axes: Any, recording: Recording, view: Scene, frame: int) -> lis
     line = bones.body_line(base, angles)[0]
     axes.plot(*line.T, color="0.25", lw=4, solid_capstyle="round")
     drawn = [line]
-    if "thrust" not in recording.channels:
+    if not view.rotors:
         return drawn
     thrust = recording.held("thrust", view.time[one])
     colors = style.saturation_colors(thrust_use(recording, thrust))[0] / 255.0
-    for i, (link, axis) in enumerate(view.rotors):
-        rotation, position = poses[link]
-        arrow = rotation[0] @ axis * thrust[0, i] * view.newton
-        axes.quiver(*position[0], *arrow, color=colors[i], lw=2, arrow_length_ratio=0.2)
+    for r in view.rotors:
+        rotation, position = poses[r.link]
+        arrow = rotation[0] @ r.axis * thrust[0, r.column] * view.newton
+        axes.quiver(*position[0], *arrow, color=colors[r.column], lw=2, arrow_length_ratio=0.2)
         drawn.append(np.stack([position[0], position[0] + arrow]))
     return drawn
 

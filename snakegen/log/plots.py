@@ -13,7 +13,7 @@ from snakegen.verify.recording import Recording
 
 Floats = NDArray[np.float64]
 
-HIDDEN = ("configuration", "disturbance point")  # groups that say nothing as a curve
+HIDDEN = ("configuration", "disturbance point", "attitude")  # groups that are no curves
 LIMIT = "limit"
 _COMMANDS = {"thrust_command": "thrust", "gimbal_command": "gimbals", "joint_command": "joints"}
 
@@ -54,6 +54,7 @@ def series(recording: Recording) -> list[Series]:
         time, error = recording.times("attitude"), attitude_error(recording)
         labels = ("roll", "pitch", "yaw")
         out.append(Series("attitude error", "error", time, error, labels, "rad"))
+    out += _angles(recording)
     for name, c in recording.channels.items():
         group = _COMMANDS.get(name, c.group)
         if group not in HIDDEN and c.labels:
@@ -68,6 +69,21 @@ def groups(shown: list[Series]) -> dict[str, str]:
         out.setdefault(s.group, s.unit)
         if out[s.group] != s.unit and s.unit not in out[s.group]:
             out[s.group] += f", {s.unit}"
+    return out
+
+
+def _angles(recording: Recording) -> list[Series]:
+    """Returns attitudes as roll, pitch and yaw: nobody reads quaternions."""
+    from scipy.spatial.transform import Rotation
+
+    out = []
+    for name in ("attitude", "attitude_target"):
+        if name in recording.channels:
+            angles = Rotation.from_quat(recording.channel(name).values).as_euler("ZYX")[:, ::-1]
+            # unwrapped, so that a turn past ±180° is no jump
+            angles = np.unwrap(angles, axis=0)
+            labels = ("roll", "pitch", "yaw")
+            out.append(Series("attitude", name, recording.times(name), angles, labels, "rad"))
     return out
 
 

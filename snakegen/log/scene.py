@@ -10,7 +10,7 @@ import tempfile
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,15 @@ from snakegen.verify.recording import Recording
 Floats = NDArray[np.float64]
 
 
+class Rotor(NamedTuple):
+    """A rotor whose thrust is drawn."""
+
+    column: int  # in the channel `thrust`
+    label: str
+    link: str
+    axis: Floats  # (3,) thrust direction in the link's frame
+
+
 @dataclass(frozen=True)
 class Scene:
     """A run seen from its skeleton: what is drawn where, at the instants `time`."""
@@ -30,7 +39,7 @@ class Scene:
     skeleton: sk.Skeleton | None
     base: sk.Poses  # of the root link
     angles: dict[str, Floats]  # (F,) per joint
-    rotors: tuple[tuple[str, Floats], ...]  # link, thrust axis in it
+    rotors: tuple[Rotor, ...]
     ghost: Floats  # (F, n, 3) m, the body's line at its target; n = 0 where there is none
     size: float  # m, length of the body
     center: Floats  # (3,) m, middle of everything drawn
@@ -142,20 +151,17 @@ def _make_solid(rec: Any, urdf: str, tree: Any) -> None:
 def _log_thrusts(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -> None:
     import rerun as rr
 
-    if "thrust" not in recording.channels or not view.rotors:
+    if not view.rotors:
         return
     thrust = recording.held("thrust", view.time)
     use = thrust_use(recording, thrust)
-    for i, (link, axis) in enumerate(view.rotors):
-        path = rr.new_entity_path(["world", "thrust", recording.channel("thrust").labels[i]])
-        rec.log(path, rr.CoordinateFrame(link), static=True)
+    for r in view.rotors:
+        path = rr.new_entity_path(["world", "thrust", r.label])
+        rec.log(path, rr.CoordinateFrame(r.link), static=True)
         rec.log(path, rr.Arrows3D.from_fields(radii=[0.006 * view.size]), static=True)
-        arrows = (thrust[:, i, None] * view.newton * axis).astype(np.float32)
-        rec.send_columns(
-            path,
-            columns,
-            rr.Arrows3D.columns(vectors=arrows, colors=style.saturation_colors(use[:, i])),
-        )
+        arrows = (thrust[:, r.column, None] * view.newton * r.axis).astype(np.float32)
+        colors = style.saturation_colors(use[:, r.column])
+        rec.send_columns(path, columns, rr.Arrows3D.columns(vectors=arrows, colors=colors))
 
 
 def _log_points(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -> None:
@@ -178,7 +184,7 @@ def _log_points(rec: Any, recording: Recording, view: Scene, columns: list[Any])
         trace = rr.LineStrips3D([goal], colors=[(*style.TARGET, 90)], radii=[0.1 * radius])
         rec.log("world/target/path", trace, static=True)
     if view.ghost.shape[1]:
-        line = rr.LineStrips3D.from_fields(colors=[style.TARGET], radii=[0.18 * radius])
+        line = rr.LineStrips3D.from_fields(colors=[style.TARGET], radii=[0.22 * radius])
         rec.log("world/target/ghost", line, static=True)
         strips = view.ghost.astype(np.float32)
         rec.send_columns("world/target/ghost", columns, rr.LineStrips3D.columns(strips=strips))
@@ -231,13 +237,19 @@ def drawable(urdf: str, meshes: Path | None) -> str:
     return ET.tostring(robot, encoding="unicode")
 
 
-def _rotors(recording: Recording, bones: sk.Skeleton | None) -> tuple[tuple[str, Floats], ...]:
-    if bones is None:
+def _rotors(recording: Recording, bones: sk.Skeleton | None) -> tuple[Rotor, ...]:
+    """Returns the rotors that the URDF has; without a list, thrusts are named as their links."""
+    if bones is None or "thrust" not in recording.channels:
         return ()
     links = {bones.root, *(j.child for j in bones.joints)}
-    listed = recording.meta.get("rotors", [])
-    found = [(r["link"], np.asarray(r.get("axis", [0, 0, 1]), float)) for r in listed]
-    return tuple((link, axis) for link, axis in found if link in links)
+    labels = recording.channel("thrust").labels
+    listed = recording.meta.get("rotors") or [{"link": label} for label in labels]
+    rotors = []
+    for i, (rotor, label) in enumerate(zip(listed, labels, strict=False)):
+        if rotor["link"] in links:
+            axis = np.asarray(rotor.get("axis", (0.0, 0.0, 1.0)), float)
+            rotors.append(Rotor(i, label, rotor["link"], axis))
+    return tuple(rotors)
 
 
 def _newton(recording: Recording, size: float) -> float:

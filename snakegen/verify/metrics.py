@@ -20,6 +20,7 @@ from snakegen.verify.recording import Recording
 Floats = NDArray[np.float64]
 
 AIRBORNE = 0.05  # m above the floor: off it, whatever the landing gear does
+FREE = 0.5  # s without contact: not a bounce
 TOUCHING = 1e-4  # m: contact
 SETTLED = 10.0  # s, after which drives are measured (HA's start error has then decayed)
 AT_LIMIT = 1e-3  # share of the thrust range that counts as being at its end
@@ -138,24 +139,44 @@ def _clearances(recording: Recording, start: float, end: float) -> dict[str, Any
     for name in ("self_distance", "obstacle_distance"):
         if name in recording.channels:
             out[f"min_{name}_m"] = _worst(_cut(recording, name, start, end), np.min)
-    if "floor_distance" not in recording.channels:
-        return out
-    time = recording.times("floor_distance")
-    height = recording.channel("floor_distance").values.min(axis=1)
-    off = np.flatnonzero(height > AIRBORNE)
-    out["took_off"] = bool(off.size)
-    if not off.size:
-        return out
-    aloft = time >= time[off[0]]
-    out["min_floor_distance_m"] = _worst(height[aloft & (time <= end)], np.min)
-    touching = aloft & (time <= end) & (height <= TOUCHING)
-    contact_s = _held_integral(time, touching.astype(float), end)
+    out.update(_floor(recording, end))
+    return out
+
+
+def _floor(recording: Recording, end: float) -> dict[str, Any]:
+    """Returns when the robot left the floor, and what of it touched the floor afterwards.
+
+    It is off once `floor_distance` exceeds 5 cm; where only forces are recorded, once half a
+    second begins that is free of them.
+    """
+    force_time, force = np.empty(0), np.empty(0)
     if "floor_contact" in recording.channels:
         force_time = recording.times("floor_contact")
         force = np.nansum(recording.channel("floor_contact").values, axis=1)
-        pressed = (force > 0.0) & (force_time >= time[off[0]]) & (force_time <= end)
-        contact_s = max(contact_s, _held_integral(force_time, pressed.astype(float), end))
-    out["floor_contact_after_takeoff_s"] = contact_s
+    if "floor_distance" in recording.channels:
+        time = recording.times("floor_distance")
+        height = recording.channel("floor_distance").values.min(axis=1)
+        off = time[height > AIRBORNE]
+    elif force.size:
+        time, height = force_time, np.empty(0)
+        touches = np.append(force_time[force > 0.0], np.inf)
+        starts = np.append(-np.inf, touches[:-1])
+        free = touches - np.maximum(starts, force_time[0]) >= FREE
+        off = np.maximum(starts, force_time[0])[free & (starts < force_time[-1] - FREE)]
+    else:
+        return {}
+    if not off.size:
+        return {"took_off": False}
+    out: dict[str, Any] = {"took_off": True}
+    contact = 0.0
+    if height.size:
+        aloft = _inside(time, off[0], end)
+        out["min_floor_distance_m"] = _worst(height[aloft], np.min)
+        contact = _held_integral(time, aloft & (height <= TOUCHING))
+    if force.size:
+        pressed = (force > 0.0) & (force_time > off[0]) & (force_time <= end)
+        contact = max(contact, _held_integral(force_time, pressed))
+    out["floor_contact_after_takeoff_s"] = contact
     return out
 
 
@@ -213,10 +234,10 @@ def _limit(recording: Recording, name: str, width: int) -> Floats | None:
     return np.broadcast_to(limit, (width,))
 
 
-def _held_integral(time: Floats, value: Floats, end: float) -> float:
-    """Returns ∫ value dt, each value held to the next time and the last to its own sample."""
+def _held_integral(time: Floats, holds: NDArray[np.bool_]) -> float:
+    """Returns for how many seconds `holds`, each sample standing for the step after it."""
     step = np.diff(time, append=time[-1] + (time[-1] - time[-2] if time.size > 1 else 0.0))
-    return float(np.sum(value * step))
+    return float(np.sum(step[holds]))
 
 
 def _rms(error: Floats) -> Floats | None:
@@ -229,6 +250,7 @@ def _worst(values: Floats, pick: Callable[[Floats], Any]) -> float | None:
 
 def _all_finite(recording: Recording) -> bool:
     may_be_undefined = {"wrench_margin", "force_margin", "torque_margin", "sigma_min"}
+    may_be_undefined |= {"disturbance_point", "obstacle_distance"}
     return all(
         bool(np.all(np.isfinite(c.values)))
         for name, c in recording.channels.items()
