@@ -14,7 +14,8 @@ from synthetic_run import JOINTS, ROTORS, URDF, flight
 from snakegen.errors import LogError
 from snakegen.log import compare, inspect, read, snapshot, write
 from snakegen.log import skeleton as sk
-from snakegen.log.scene import drawable, scene
+from snakegen.log.body import drawable
+from snakegen.log.scene import scene
 from snakegen.log.store import decode, encode
 from snakegen.log.style import frames, saturation_colors, standing_out
 from snakegen.verify.metrics import metrics
@@ -112,6 +113,52 @@ def test_what_rerun_sees(run: Recording, log: Path):
     scalars = batch.column(batch.schema.names.index("Scalars:scalars"))
     values = np.array(scalars.to_pylist())
     assert values.tobytes() == run.channel("thrust").values.tobytes()
+
+
+def test_arrows_point_where_the_force_acts(run: Recording, log: Path):
+    from rerun.chunk import RrdReader
+
+    view = scene(run)
+    thrust = run.held("thrust", view.time)
+    for c in RrdReader(log).store().stream():
+        kind, _, name = c.entity_path.strip("/").rpartition("/")
+        batch = c.to_record_batch()
+        if kind == "world/thrust" and "CoordinateFrame:frame" in batch.schema.names:
+            column = batch.column(batch.schema.names.index("CoordinateFrame:frame"))
+            assert column.to_pylist() == [[name]]  # rotors' links have the rotors' names here
+        if kind == "world/thrust" and not c.is_static:
+            arrows = np.array(
+                batch.column(batch.schema.names.index("Arrows3D:vectors")).to_pylist()
+            )[:, 0]
+            expected = thrust[:, ROTORS.index(name)] * view.newton
+            np.testing.assert_allclose(arrows[:, 2], expected, rtol=1e-6)
+            assert np.all(arrows[:, :2] == 0) and np.all(arrows[:, 2] > 0.05)
+        if c.entity_path == "/world/disturbance" and not c.is_static:
+            push = np.array(batch.column(batch.schema.names.index("Arrows3D:vectors")).to_pylist())[
+                :, 0
+            ]
+            assert push[:, 1].max() == pytest.approx(6.0 * view.newton) and push[0, 1] == 0
+
+
+def test_motion_is_the_recorded_one(run: Recording, log: Path):
+    from rerun.chunk import RrdReader
+
+    view = scene(run)
+    for c in RrdReader(log).store().stream():
+        if c.entity_path == "/world/motion/joint1_yaw":
+            batch = c.to_record_batch()
+            names = [n.rsplit(":", 1)[-1] for n in batch.schema.names]
+            ends = {
+                k: batch.column(names.index(k)).to_pylist() for k in ("parent_frame", "child_frame")
+            }
+            assert ends["parent_frame"][0] == ["link1"] and ends["child_frame"][-1] == ["link2"]
+            turn = np.array(batch.column(names.index("quaternion")).to_pylist())[:, 0]
+            half = 0.5 * view.angles["joint1_yaw"]
+            np.testing.assert_allclose(
+                turn[:, 2:], np.column_stack([np.sin(half), np.cos(half)]), atol=1e-6
+            )
+            return
+    pytest.fail("joint1_yaw does not move")
 
 
 def test_joints_with_a_frame_of_their_own_are_not_static(log: Path):

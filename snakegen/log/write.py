@@ -53,9 +53,10 @@ def write(recording: Recording, path: str | Path, *, mesh_folder: str | Path | N
 def _write(recording: Recording, path: Path, mesh_folder: Path | None) -> None:
     import rerun as rr
 
+    from snakegen.log.body import log_body
     from snakegen.log.layout import blueprint
     from snakegen.log.plots import log_plots, series
-    from snakegen.log.scene import log_scene, scene
+    from snakegen.log.scene import scene
 
     header, files = encode(recording)
     # Runs that share an id merge in the viewer. The header holds the samples' digests: equal
@@ -68,7 +69,7 @@ def _write(recording: Recording, path: Path, mesh_folder: Path | None) -> None:
         rr.set_strict_mode(True)  # else a faulty column becomes a warning inside the log
         rec.save(path, default_blueprint=blueprint(recording, view, shown))
         rec.send_recording_name(_title(recording))
-        log_scene(rec, recording, view, mesh_folder)
+        log_body(rec, recording, view, mesh_folder)
         log_plots(rec, shown)
         _log_texts(rec, recording)
         rec.log(
