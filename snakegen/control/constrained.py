@@ -22,7 +22,7 @@ class Bounded:
     Attributes:
         thrust: (n,) N in dual-rotor mode; (Ñ, 3) N, forces, in vectored mode.
         given: the wrench it makes.
-        shortfall: ‖S (wanted - given)‖, 0 (to 1e-8) when the wrench is reachable.
+        shortfall: ‖S (wanted - given)‖, 0 (to about 1e-7) when the wrench is reachable.
         at_limit: which rotors or apparatuses are at a limit.
     """
 

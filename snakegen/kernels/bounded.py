@@ -14,7 +14,7 @@ from snakegen.kernels.jit import jit
 from snakegen.kernels.spd import solve_spd
 from snakegen.kernels.tree import Floats
 
-STAGES = (1e-4, 1e-7, 1e-10)  # δ: the last is far below what a rotor can resolve
+STAGES = (1e-4, 1e-6, 1e-8)  # δ: the last is far below what a rotor can resolve
 STEPS = 30
 HALVINGS = 24
 

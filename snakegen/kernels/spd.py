@@ -75,6 +75,43 @@ def least_norm(matrix: Floats, weight: Floats, rhs: Floats) -> Floats:
 
 
 @jit
+def least_eigenvalue(matrix: Floats) -> float:
+    """Returns the least eigenvalue of a symmetric (n, n) matrix by cyclic Jacobi rotations.
+
+    Destroys `matrix`. Written out because LAPACK's compile and call cost more at this size.
+    """
+    n = matrix.shape[0]
+    for _ in range(12):
+        off = size = 0.0
+        for i in range(n):
+            size += matrix[i, i] ** 2
+            for k in range(i):
+                off += matrix[i, k] ** 2
+        if off <= 1e-30 * size:
+            break
+        for p in range(n - 1):
+            for q in range(p + 1, n):
+                if matrix[p, q] == 0.0:
+                    continue
+                theta = 0.5 * (matrix[q, q] - matrix[p, p]) / matrix[p, q]
+                t = 1.0 / (abs(theta) + sqrt(theta * theta + 1.0))
+                if theta < 0.0:
+                    t = -t
+                c = 1.0 / sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(n):
+                    a, b = matrix[k, p], matrix[k, q]
+                    matrix[k, p], matrix[k, q] = c * a - s * b, s * a + c * b
+                for k in range(n):
+                    a, b = matrix[p, k], matrix[q, k]
+                    matrix[p, k], matrix[q, k] = c * a - s * b, s * a + c * b
+    least = matrix[0, 0]
+    for i in range(1, n):
+        least = min(least, matrix[i, i])
+    return least
+
+
+@jit
 def least_singular_value(matrix: Floats, rows: Floats, weight: Floats) -> float:
     """Returns σ_min of ``diag(rows) matrix diag(weight)``, 0 if there are fewer columns than rows.
 
@@ -84,4 +121,4 @@ def least_singular_value(matrix: Floats, rows: Floats, weight: Floats) -> float:
     for i in range(square.shape[0]):
         for k in range(square.shape[0]):
             square[i, k] *= rows[i] * rows[k]
-    return sqrt(max(np.linalg.eigvalsh(square)[0], 0.0))
+    return sqrt(max(least_eigenvalue(square), 0.0))
