@@ -7,7 +7,7 @@ URDF cannot say where thrust acts or how strong a servo is. A URDF from snakegen
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from snakegen import yaml_file
 from snakegen.errors import DescriptionError, near
@@ -44,6 +44,33 @@ class Apparatus:
 
 
 @dataclass(frozen=True)
+class Screw:
+    """A screw drum with passive wheels (HA II B) on a continuous joint about the link's x."""
+
+    joint: str
+    link: str  # the link that carries it
+    alpha: float  # rad, helix angle, positive: left-handed
+    radius: float  # m, from the drum's centre to the ground
+    blades: int = 8
+    wheels_per_blade: int = 4
+    wheel_radius: float = 0.012  # m
+    rollers: str = "ring_sphere"  # contact representation, one of wheel_layout.ROLLERS
+    friction: float = 0.8
+    torque: float = 10.0  # N m
+    gain: float = 10.0  # N m s/rad, of the velocity servo
+    armature: float = 0.02  # kg m²
+
+
+@dataclass(frozen=True)
+class Caster:
+    """Two balls at y = ±track/2 of a link's frame, which stands on the ground."""
+
+    link: str
+    track: float = 0.12  # m
+    radius: float = 0.012  # m
+
+
+@dataclass(frozen=True)
 class Servo:
     """A position servo on a joint."""
 
@@ -62,6 +89,8 @@ class Modules:
     lengths: dict[str, float] = field(default_factory=dict)  # m, by link name
     apparatuses: tuple[Apparatus, ...] = ()
     servos: tuple[Servo, ...] = ()
+    screws: tuple[Screw, ...] = ()
+    casters: tuple[Caster, ...] = ()
     control: dict[str, Any] = field(default_factory=dict)
     gain_sets: dict[str, dict[str, Any]] = field(default_factory=dict)
     plant: dict[str, float] = field(default_factory=dict)
@@ -83,6 +112,8 @@ def from_urdf(text: str) -> Modules | None:
         lengths={_text(e, "name"): _real(e, "length") for e in element.findall("link")},
         apparatuses=tuple(_apparatus(e) for e in element.findall("vectoring_apparatus")),
         servos=tuple(_fill(Servo, e) for e in element.findall("servo")),
+        screws=tuple(_screw(e) for e in element.findall("screw_drive")),
+        casters=tuple(_fill(Caster, e) for e in element.findall("caster")),
         control={} if control is None else _attributes(control),
         gain_sets={}
         if control is None
@@ -168,6 +199,15 @@ def _apparatus(element: ET.Element) -> Apparatus:
         axis = tuple(float(x) for x in e.get("axis", "0 0 1").split())
         rotors.append(_fill(Rotor, e, axis=axis))
     return Apparatus(tuple(rotors), element.get("roll"), element.get("pitch"), element.get("link"))
+
+
+def _screw(element: ET.Element) -> Screw:
+    counts = {
+        name: int(_real(element, name))
+        for name in ("blades", "wheels_per_blade")
+        if name in element.attrib
+    }
+    return cast(Screw, _fill(Screw, element, **counts))
 
 
 def _fill(kind: Any, element: ET.Element, **given: Any) -> Any:

@@ -6,7 +6,7 @@ follow-the-leader; its square (section V) is translated along with the body's sh
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -77,6 +77,14 @@ def s_curve(
 ) -> list[Piece]:
     """Returns a left arc and an equal right arc between two lines [m, rad]."""
     return [("line", lead), ("arc", angle, radius), ("arc", -angle, radius), ("line", tail)]
+
+
+NAMED: dict[str, Callable[[], list[Piece]]] = {
+    "line": lambda: [("line", 2.0)],
+    "arc": lambda: [("arc", math.pi, 0.6)],
+    "lcrank": l_crank,
+    "scurve": s_curve,
+}
 
 
 def waypoints(points: ArrayLike, radius: float) -> tuple[list[Piece], tuple[float, float, float]]:

@@ -1,146 +1,264 @@
-"""Screw drive: what n screw units under a jointed chain can and cannot move (HA eqs 1-7).
+"""Screw drive: rank and singular shapes, slip, rates that a path needs, directions and radii.
 
-State ``w = [x_p, y_p, ψ_p, φ_1 … φ_{n-1}]``, input ``u = [θ̇_1 … θ̇_n, φ̇_1 … φ̇_{n-1}]``; P is the
-head, the body extends from P along +ψ_p, φ_i turns link i + 1 relative to link i.
+HA eqs 1-7 as THEORY part B reads them; the algebra is in `screw_law`.
 """
 
+import math
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from snakegen.errors import AnalysisError
-from snakegen.kernels.screw import follow
-from snakegen.paths import Path, path_pieces
-from snakegen.screw_motion import hara_chain
+from snakegen.errors import AnalysisError, near
+from snakegen.geometry import Floats
+from snakegen.paths import NAMED, Path
+from snakegen.robot import Robot
+from snakegen.screw_law import constraint_matrices, follow_the_leader, wheel_rates
+from snakegen.screw_motion import (
+    DirectionCone,
+    PathDemand,
+    ScrewGeometry,
+    direction_cone,
+    fixed_shape_radius,
+    following_radius,
+    path_demand,
+    slip_sensitivity,
+)
+from snakegen.screw_robot import drive_geometry, shape_joints, yaw_joints
+from snakegen.screw_singularity import DriveHold, HoldSearch, drive_hold, search_hold
 
-Floats = NDArray[np.float64]
+__all__ = [
+    "DriveResult",
+    "analyze",
+    "applies",
+    "constraint_matrices",
+    "examine",
+    "follow_the_leader",
+    "wheel_rates",
+]
+
+COMMAND = "drive"
+ORDER = 60
+OPTIONS = {
+    "path": ["lcrank", "path whose rates are worked out: line, arc, lcrank, scurve"],
+    "speed": [0.125, "m/s along that path"],
+    "screw_rate": [6.0, "rad/s that a screw motor reaches, where the URDF gives no limit"],
+}
 
 
-def _vector(name: str, value: ArrayLike, size: int | None = None) -> Floats:
-    """Returns `value` as a finite float64 vector (of `size`), else raises with its name."""
-    array = np.ascontiguousarray(value, dtype=np.float64)
-    if array.ndim != 1 or (size is not None and array.size != size):
-        wanted = f"({size},)" if size is not None else "(n,)"
-        raise AnalysisError(f"{name} has shape {array.shape}, needs {wanted}.")
-    if not np.isfinite(array).all():
-        raise AnalysisError(f"{name} has an entry that is not finite: {array.tolist()}.")
-    return array
+@dataclass(frozen=True)
+class DriveResult:
+    """What a screw drive can do at a shape, and in all shapes that its joints allow."""
+
+    geometry: ScrewGeometry
+    hold: DriveHold  # at the given shape
+    search: HoldSearch  # over all shapes
+    dead: tuple[int, ...]  # units (from 1) whose α of 0 makes B singular
+    slip: dict[
+        str, float
+    ]  # m/s RMS, turning at 3 links' radius, a parameter believed 1 % too large
+    demand: PathDemand | None  # None where B is singular or the joints cannot follow the path
+    refusal: str  # why there is no demand, or ""
+    cone: DirectionCone | None
+    following_radius: float  # m, smallest arc that can be followed
+    fixed_radius: float  # m, smallest arc at this shape and speed
+    speed: float  # m/s
+    pitch: float  # rad, largest |angle| of the joints that are not yaws: the model needs 0
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a designer should know before building."""
+        hands = np.sign(np.sin(self.geometry.alpha))
+        out = []
+        if self.dead:
+            out.append(f"unit {self.dead[0]} has a helix angle of 0: its screw drives nothing")
+        if self.geometry.units < 3:
+            out.append(f"{self.geometry.units} units leave a turn free in every shape: needs 3")
+        elif np.all(hands == hands[0]):
+            out.append("all units have one hand: a straight body slides and cannot be steered")
+        if self.pitch > 1e-3:
+            out.append(
+                f"joints are bent up to {math.degrees(self.pitch):.1f}° out of the plane; the "
+                "model is that of the body laid flat"
+            )
+        return tuple(out)
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data; keys carry units."""
+        found, cone = self.search, self.cone
+        return {
+            "units": self.geometry.units,
+            "helix_angle_rad": list(self.geometry.alpha),
+            "rank": self.hold.rank,
+            "sigma": self.hold.sigma.tolist(),
+            "hold": self.hold.kind,
+            "hold_text": self.hold.text,
+            "weakest_sigma": float(found.weakest.sigma[-1]),
+            "weakest_shape_rad": found.weakest.shape.tolist(),
+            "certified_sigma": found.certified,
+            "singular_shapes": [
+                {"shape_rad": h.shape.tolist(), "kind": h.kind, "text": h.text}
+                for h in found.singular
+            ],
+            "dead_units": list(self.dead),
+            "slip_m_s_per_percent": self.slip,
+            "path": None if self.demand is None else _demand(self.demand),
+            "path_refusal": self.refusal,
+            "direction_speed_min_m_s": None if cone is None else float(cone.speed.min()),
+            "direction_speed_max_m_s": None if cone is None else float(cone.speed.max()),
+            "direction_cone_rad": None if cone is None else cone.width(self.speed),
+            "following_radius_m": _finite(self.following_radius),
+            "fixed_shape_radius_m": _finite(self.fixed_radius),
+            "speed_m_s": self.speed,
+            "warnings": list(self.warnings),
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Returns (label, text) pairs for people."""
+        found = self.search
+        out = [
+            ("units", f"{self.geometry.units}, α {_degrees(self.geometry.alpha)}"),
+            ("hold at this shape", f"rank {self.hold.rank}, {self.hold.text}"),
+        ]
+        if found.singular:
+            out += [
+                ("singular shape", f"{_degrees(h.shape)}: {h.text}") for h in found.singular[:4]
+            ]
+        else:
+            proof = f"; proved ≥ {found.certified:.3g} everywhere" if found.certified else ""
+            where = _degrees(found.weakest.shape)
+            out.append(("weakest shape", f"σ₃ {found.weakest.sigma[-1]:.3g} at {where}{proof}"))
+        if self.demand is not None:
+            d = self.demand
+            rates = f"screws {d.screw_rate:.2f}, joints {d.joint_rate:.2f} rad/s"
+            out.append((f"path at {d.speed:g} m/s", f"{rates}; motors allow {d.fastest:.2f} m/s"))
+        elif self.refusal:
+            out.append(("path", self.refusal))
+        if self.cone is not None:
+            low, high = self.cone.speed.min(), self.cone.speed.max()
+            wide = math.degrees(self.cone.width(self.speed))
+            text = f"{low:.3f} to {high:.3f} m/s; {self.speed:g} m/s over {wide:.0f}°"
+            out.append(("any direction", text))
+        out.append(("turning radius", f"{self.following_radius:.3f} m follow-the-leader"))
+        out.append(("", f"{self.fixed_radius:.3f} m with the shape held"))
+        if self.slip:
+            slip = ", ".join(f"{name} {1e3 * value:.2g}" for name, value in self.slip.items())
+            out.append(("slip per 1 % error, turning", f"{slip} mm/s"))
+        return out + [("warning", text) for text in self.warnings]
 
 
-def _checked(
-    w: ArrayLike, alpha: ArrayLike, r: float, lengths: tuple[float, float, float]
-) -> tuple[Floats, Floats]:
-    """Returns w and α as vectors of matching size; raises AnalysisError on what cannot be."""
-    angles = _vector("alpha", alpha)
-    if angles.size < 2:
-        raise AnalysisError(f"a screw drive needs at least 2 units; alpha has {angles.size}.")
-    if not r > 0 or not np.isfinite([r, *lengths]).all() or min(lengths) < 0:
-        raise AnalysisError(
-            f"r must be positive and L0, L1, L2 not negative; got r = {r}, L = {lengths}."
-        )
-    return _vector("w", w, angles.size + 2), angles
-
-
-def constraint_matrices(
-    w: ArrayLike, alpha: ArrayLike, r: float, L0: float, L1: float, L2: float
-) -> tuple[Floats, Floats]:
-    """Returns A and B of ``A(w) ẇ = B u`` for n units (HA eqs 4-6, THEORY B).
-
-    With ``ℓ_ij = [j=1] L0 + L1 + [j<i] L2`` and ``D_ij = ℓ_ij sin(α_i + ψ_i - ψ_j)``, j ≤ i,
-    row i of A's upper block is ``[cos(α_i+ψ_i), sin(α_i+ψ_i), Σ_{j≥1} D_ij, Σ_{j≥2} D_ij, …]``;
-    below it stands ``[0 | E_{n-1}]``; ``B = diag(-r sin α_1, …, -r sin α_n, 1, …, 1)``.
+def examine(
+    geometry: ScrewGeometry,
+    shape: ArrayLike,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    path: Path,
+    speed: float = 0.125,
+    screw_rate: float = 6.0,
+    joint_rate: float = math.inf,
+    pitch: float = 0.0,
+) -> DriveResult:
+    """Returns all that the model says of a drive.
 
     Args:
-        w: state (n + 2,) [m, m, rad, rad …].
-        alpha: signed helix angles (n,) [rad].
-        r: distance from the drum's centre to the ground [m].
-        L0: from P to the tip of link 1 [m].
-        L1: from each link's tip to its screw [m].
-        L2: from the screw to the link's end [m].
-
-    Returns:
-        A (2n-1, n+2) and B (2n-1, 2n-1).
+        geometry: the drive.
+        shape: yaw angles (m - 1,) [rad] at which rank, cone and radius are taken.
+        lower, upper: yaw limits (m - 1,) [rad].
+        path: what is to be followed.
+        speed: along it [m/s].
+        screw_rate, joint_rate: motor limits [rad/s].
+        pitch: largest angle out of the plane [rad], reported.
 
     Raises:
-        AnalysisError: wrong shapes, values that are not finite, fewer than two units.
+        AnalysisError: sizes or limits that do not fit the drive.
     """
-    state, angles = _checked(w, alpha, r, (L0, L1, L2))
-    n = angles.size
-    A = np.zeros((2 * n - 1, n + 2))
-    A[:n] = hara_chain(tuple(angles), r, L0, L1, L2).no_slip(state)
-    A[n:, 3:] = np.eye(n - 1)
-    return A, np.diag(np.concatenate([-r * np.sin(angles), np.ones(n - 1)]))
-
-
-def _gain_times(gain: ArrayLike, error: Floats) -> Floats:
-    """Returns K e for a scalar gain, a diagonal (n + 2,) or a matrix (n + 2, n + 2)."""
-    K = np.asarray(gain, float)
-    if not np.isfinite(K).all():
-        raise AnalysisError("the gain has an entry that is not finite.")
-    if K.ndim == 0 or K.shape == error.shape:
-        return K * error
-    if K.shape == (error.size, error.size):
-        return K @ error
-    raise AnalysisError(
-        f"the gain has shape {K.shape}; needs a scalar, ({error.size},) or "
-        f"({error.size}, {error.size})."
+    bent, low, high = (np.asarray(value, float) for value in (shape, lower, upper))
+    limit = float(np.minimum(-low, high).min(initial=math.inf))
+    dead = tuple(int(i) + 1 for i in np.flatnonzero(np.abs(np.sin(geometry.alpha)) < 1e-9))
+    demand, refusal = None, ""
+    try:
+        demand = path_demand(geometry, path, speed, screw_rate, joint_rate, limit)
+    except AnalysisError as error:
+        refusal = str(error)
+    bends = len(geometry.lengths) > 1 and limit > 0
+    return DriveResult(
+        geometry,
+        drive_hold(geometry, bent),
+        search_hold(geometry, low, high),
+        dead,
+        {}
+        if dead
+        else slip_sensitivity(geometry, bent, [-speed, 0.0, speed / (3 * geometry.scale)]),
+        demand,
+        refusal,
+        None if dead else direction_cone(geometry, bent, screw_rate),
+        following_radius(geometry.lengths, limit) if bends else math.inf,
+        math.inf if dead else fixed_shape_radius(geometry, bent, speed, screw_rate),
+        speed,
+        pitch,
     )
 
 
-def wheel_rates(
-    w: ArrayLike,
-    w_d: ArrayLike,
-    w_d_dot: ArrayLike,
-    gain: ArrayLike,
-    alpha: ArrayLike,
-    r: float,
-    L0: float,
-    L1: float,
-    L2: float,
-) -> Floats:
-    """Returns the input ``u = B⁻¹ A(w) (ẇ_d - K (w - w_d))`` (HA eq 7), (2n - 1,) [rad/s].
+def applies(robot: Robot) -> bool:
+    """A robot with screw units."""
+    return bool(robot.modules.screws)
 
-    Args:
-        w: state (n + 2,).
-        w_d: desired state (n + 2,).
-        w_d_dot: its rate (n + 2,).
-        gain: K [1/s], a scalar, a diagonal (n + 2,) or a matrix (n + 2, n + 2).
-        alpha, r, L0, L1, L2: as in `constraint_matrices`.
+
+def analyze(
+    robot: Robot,
+    q: Floats,
+    path: str = "lcrank",
+    speed: float = 0.125,
+    screw_rate: float = 6.0,
+) -> DriveResult:
+    """Returns all that the model says of the robot's drive at q (HA eqs 1-7).
 
     Raises:
-        AnalysisError: an α of 0 (B is singular: that screw drives nothing), or wrong shapes.
+        AnalysisError: no such path, or drums that the planar model cannot hold.
     """
-    A, B = constraint_matrices(w, alpha, r, L0, L1, L2)
-    drive = np.diag(B)
-    flat = np.flatnonzero(np.abs(drive) < 1e-9 * r)
-    if flat.size:
-        raise AnalysisError(
-            f"B is singular: unit {flat[0] + 1} has a helix angle of "
-            f"{np.degrees(np.asarray(alpha, float)[flat[0]]):.4g}°, whose screw drives nothing."
-        )
-    size = A.shape[1]
-    state, goal = _vector("w", w, size), _vector("w_d", w_d, size)
-    wish = _vector("w_d_dot", w_d_dot, size) - _gain_times(gain, state - goal)
-    return A @ wish / drive
+    if path not in NAMED:
+        raise AnalysisError(f"there is no path '{path}'.{near(path, NAMED)}")
+    yaws, angle = yaw_joints(robot), dict(zip(robot.joint_names, robot.angles(q), strict=True))
+    others = [abs(angle[name]) for name in shape_joints(robot) if name not in yaws]
+    drums = tuple(screw.joint for screw in robot.modules.screws)
+    low, high, _ = robot.limits(yaws)
+    return examine(
+        drive_geometry(robot),
+        [angle[name] for name in yaws],
+        low,
+        high,
+        NAMED[path](),
+        speed,
+        min(screw_rate, _rate_limit(robot, drums)),
+        _rate_limit(robot, yaws),
+        max(others, default=0.0),
+    )
 
 
-def follow_the_leader(path: Path, s: float, links: ArrayLike) -> Floats:
-    """Returns the state w_d (n + 2,) of a chain whose every joint lies on the path, P at s.
+def _rate_limit(robot: Robot, joints: tuple[str, ...]) -> float:
+    """Returns the smallest velocity limit [rad/s] of the joints."""
+    model = robot.model
+    limits = [model.upperVelocityLimit[model.joints[model.getJointId(j)].idx_v] for j in joints]
+    return float(min(limits, default=math.inf))
 
-    Node i + 1 lies on the path behind node i at chord length ``links[i]``, the nearest such point.
-    At rest on +x the body trails along -x, so ψ_p = -π there; ψ runs on with the path's heading.
 
-    Args:
-        path: list of ``("line", length)`` and ``("arc", angle, radius)`` from the origin along +x,
-            left turns positive, extended straight at both ends [m, rad].
-        s: arc length of P [m], may lie beyond either end.
-        links: the chord lengths (n,) [m], head first.
+def _degrees(angles: ArrayLike) -> str:
+    """Returns angles [rad] as text."""
+    return "[" + ", ".join(f"{math.degrees(a):.1f}" for a in np.asarray(angles, float)) + "]°"
 
-    Raises:
-        AnalysisError: a piece of the path or a chord length that cannot be.
-    """
-    chords = _vector("links", links)
-    if chords.size < 1 or (chords <= 0).any():
-        raise AnalysisError(f"links must be positive chord lengths; got {chords.tolist()}.")
-    if not np.isfinite(s):
-        raise AnalysisError(f"s must be finite; got {s}.")
-    return follow(path_pieces(path), float(s), chords)[0]
+
+def _demand(demand: PathDemand) -> dict[str, float | None]:
+    """Returns what a path takes under keys that carry their units."""
+    return {
+        "screw_rate_rad_s": demand.screw_rate,
+        "joint_rate_rad_s": demand.joint_rate,
+        "joint_angle_rad": demand.joint_angle,
+        "speed_m_s": demand.speed,
+        "fastest_m_s": _finite(demand.fastest),
+    }
+
+
+def _finite(value: float) -> float | None:
+    """Returns `value`, None if it is infinite: JSON has no infinity."""
+    return value if math.isfinite(value) else None

@@ -6,14 +6,16 @@ solver settings and contact masks of a drive; HA itself has no contact model.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from snakegen.errors import DescriptionError
+from snakegen.modules import Modules
 from snakegen.wheel_layout import WheelLayout, wheel_layout
 
+HEAD = "control_point"  # site at P
 GROUND_BIT = 2  # contact bit of floors, ceilings and steps: rollers meet these and nothing else
 
 
@@ -176,6 +178,48 @@ def decorate_caster(spec: mujoco.MjSpec, name: str, track: float, wheel_radius: 
         geom.solref = [0.004, 1.0]
 
 
+def decorate_drive(
+    spec: mujoco.MjSpec, modules: Modules, rollers: str | None = None, timestep: float = 0.002
+) -> None:
+    """Makes an MjSpec imported from a URDF drive: drums, casters, solver, and the head's site.
+
+    Args:
+        spec: the model, its root link first under the world.
+        modules: what its links carry; drums must be numbered screw1, screw2 … along the chain.
+        rollers: contact representation, in place of the modules' own.
+        timestep: [s].
+
+    Raises:
+        DescriptionError: no drum, drums of unlike build, or a body that is missing.
+    """
+    screws = modules.screws
+    if not screws:
+        raise DescriptionError("the robot has no screw unit; there is nothing to roll on.")
+    alike = {replace(screw, joint="", link="", alpha=0.0) for screw in screws}
+    if len(alike) > 1:
+        raise DescriptionError("drums must be alike but for their helix angles to drive together.")
+    one = screws[0]
+    contact = ScrewContact(
+        tuple(screw.alpha for screw in screws),
+        one.radius,
+        one.blades,
+        one.wheels_per_blade,
+        rollers or one.rollers,
+        one.wheel_radius,
+        one.friction,
+        one.gain,
+        one.torque,
+        one.armature,
+    )
+    set_options(spec, timestep)
+    decorate_screws(spec, contact)
+    for caster in modules.casters:
+        decorate_caster(spec, caster.link, caster.track, caster.radius)
+    root = spec.worldbody.first_body()
+    root.pos = [0.0, 0.0, one.radius]
+    root.add_site(name=HEAD)
+
+
 @dataclass(frozen=True)
 class BareChain:
     """A chain without a URDF: just enough body for the contact model to be tried alone."""
@@ -243,7 +287,7 @@ def screw_mjcf(chain: BareChain, timestep: float = 0.002) -> mujoco.MjSpec:
         if unit == 0:
             caster = parent.add_body(name="caster1", pos=[-chain.L0, 0, -chain.contact.radius])
             _inertia(caster, 0.05, [0, 0, 0.01], [1e-5, 1e-5, 1e-5])
-            parent.add_site(name="control_point", pos=[-chain.L0, 0, 0])
+            parent.add_site(name=HEAD, pos=[-chain.L0, 0, 0])
     decorate_screws(spec, chain.contact)
     decorate_caster(spec, "caster1", chain.track, 0.012)
     for unit in range(1, len(chain.contact.alpha)):

@@ -1,12 +1,14 @@
 """A screw drive in contact: commands u of HA eq 7 into MuJoCo, the state w back out of it."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from snakegen.description.screw_contact import HEAD
 from snakegen.errors import MissionError
 from snakegen.paths import Reference
 from snakegen.verify.screw_plant import DriveRun, Law
@@ -14,7 +16,7 @@ from snakegen.verify.screw_plant import DriveRun, Law
 Floats = NDArray[np.float64]
 
 
-def _ids(model: mujoco.MjModel, kind: mujoco.mjtObj, names: list[str]) -> NDArray[np.int64]:
+def _ids(model: mujoco.MjModel, kind: mujoco.mjtObj, names: Sequence[str]) -> NDArray[np.int64]:
     """Returns the ids of the named elements; raises with the first name that is missing."""
     found = [mujoco.mj_name2id(model, kind, name) for name in names]
     if min(found, default=0) < 0:
@@ -31,19 +33,20 @@ class ContactDrive:
 
     model: mujoco.MjModel
     units: int
+    yaws: tuple[str, ...] | None = None  # names of the yaw joints; joint1_yaw … if absent
 
     def __post_init__(self) -> None:
         """Looks up screws, joints and the head; raises MissionError where one is missing."""
-        yaws = [f"joint{i}_yaw" for i in range(1, self.units)]
+        yaws = [f"joint{i}_yaw" for i in range(1, self.units)] if self.yaws is None else self.yaws
         screws = [f"screw{i}" for i in range(1, self.units + 1)]
         self.screw_servo = _ids(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, screws)
         self.yaw_servo = _ids(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, yaws)
         joints = _ids(self.model, mujoco.mjtObj.mjOBJ_JOINT, yaws)
         self.yaw_q = self.model.jnt_qposadr[joints]
-        self.head = int(_ids(self.model, mujoco.mjtObj.mjOBJ_SITE, ["control_point"])[0])
+        self.head = int(_ids(self.model, mujoco.mjtObj.mjOBJ_SITE, [HEAD])[0])
         self.data = mujoco.MjData(self.model)
         self.unit_of = self._units()
-        self.reset(np.zeros(self.units + 2))
+        self.reset(np.zeros(self.yaw_q.size + 3))
 
     def _units(self) -> NDArray[np.int64]:
         """Returns for each body the index of the drum it belongs to, -1 for all others."""
@@ -55,7 +58,7 @@ class ContactDrive:
         return unit
 
     def reset(self, w: ArrayLike) -> None:
-        """Puts the drive at rest in state w (n + 2,), the drums touching the ground z = 0."""
+        """Puts the drive at rest in state w (m + 2,), the drums touching the ground z = 0."""
         w = np.asarray(w, float)
         mujoco.mj_resetData(self.model, self.data)
         c, s = math.cos(w[2]), math.sin(w[2])
@@ -69,7 +72,7 @@ class ContactDrive:
         self.heading = float(w[2])
 
     def state(self) -> Floats:
-        """Returns w (n + 2,), ψ_p unwrapped since `reset`."""
+        """Returns w (m + 2,), ψ_p unwrapped since `reset`."""
         R = self.data.site_xmat[self.head]
         heading = math.atan2(R[3], R[0])
         self.heading += math.remainder(heading - self.heading, 2 * math.pi)
@@ -77,7 +80,7 @@ class ContactDrive:
         return np.concatenate([[x, y, self.heading], self.data.qpos[self.yaw_q]])
 
     def step(self, u: ArrayLike, steps: int = 1) -> None:
-        """Holds the input u (2n - 1,) for a number of time steps."""
+        """Holds the input u (n + m - 1,) for a number of time steps."""
         u = np.asarray(u, float)
         self.data.ctrl[self.screw_servo] = u[: self.units]
         for _ in range(steps):
