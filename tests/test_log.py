@@ -274,14 +274,14 @@ def test_the_ghost_is_the_robot_where_it_follows_exactly(run: Recording):
     assert body.shape[1] == 3  # link1, link2, its tip
     np.testing.assert_allclose(np.linalg.norm(body[:, 2] - body[:, 1], axis=1), 0.42, atol=1e-12)
     # a target that is the actual pose moved as one body moves the ghost in the same way
-    shift = Rotation.from_euler("ZYX", [1.1, 0.4, -0.3])
+    shift, step = Rotation.from_euler("ZYX", [1.1, 0.4, -0.3]), np.array([0.5, -1.0, 2.0])
     at, turn = run.channel("position").values, Rotation.from_quat(run.channel("attitude").values)
     moved = exact | {
-        "position_target": channel("position_target", shift.apply(at) + [0.5, -1.0, 2.0]),
+        "position_target": channel("position_target", shift.apply(at) + step),
         "attitude_target": channel("attitude_target", (shift * turn).as_quat()),
     }
     away = scene(dataclasses.replace(run, channels={**run.channels, **moved}))
-    expected = shift.apply(body.reshape(-1, 3)).reshape(body.shape) + [0.5, -1.0, 2.0]
+    expected = shift.apply(body.reshape(-1, 3)).reshape(body.shape) + step
     np.testing.assert_allclose(away.ghost, expected, atol=1e-12)
 
 
