@@ -8,14 +8,15 @@ import numpy as np
 
 from snakegen.kernels.jit import jit
 
-DONE = 1e-15  # gap in squared distance, in units of the zonotope's squared size
+DONE = 1e-15  # gap in distance, in units of the zonotope's size
 
 
 @jit
-def _vertex(a, y, x):
-    """Returns the vertex of ``{a t, |t_i| ≤ ½} - y`` that lies farthest along -x."""
+def _vertex(a, y, x, p):
+    """Writes to `p` the vertex of ``{a t, |t_i| ≤ ½} - y`` that lies farthest along -x."""
     d, n = a.shape
-    p = -y
+    for c in range(d):
+        p[c] = -y[c]
     for i in range(n):
         along = 0.0
         for c in range(d):
@@ -23,69 +24,104 @@ def _vertex(a, y, x):
         sign = -0.5 if along > 0.0 else 0.5
         for c in range(d):
             p[c] += sign * a[c, i]
-    return p
 
 
 @jit
-def _affine_minimum(points, k):
-    """Returns the weights (k,), summing to 1, of the affine hull's point nearest the origin."""
-    gram = np.empty((k, k))
+def _affine_minimum(points, k, h, target):
+    """Fills `target` (k,), summing to 1: the affine hull's point nearest the origin.
+
+    Solves ``(1 1ᵀ + P Pᵀ) v = 1`` by Cholesky's method in `h`; False where points depend.
+    """
     for i in range(k):
-        for j in range(k):
-            gram[i, j] = 1.0 + (points[i] * points[j]).sum()
-    v = np.linalg.solve(gram, np.ones(k))
-    return v / v.sum()
+        for j in range(i + 1):
+            total = 1.0
+            for c in range(points.shape[1]):
+                total += points[i, c] * points[j, c]
+            whole = total
+            for m in range(j):
+                total -= h[i, m] * h[j, m]
+            if i == j:
+                if total <= 1e-14 * whole:
+                    return False
+                h[i, i] = np.sqrt(total)
+            else:
+                h[i, j] = total / h[j, j]
+    total = 0.0
+    for i in range(k):
+        target[i] = 1.0
+        for m in range(i):
+            target[i] -= h[i, m] * target[m]
+        target[i] /= h[i, i]
+    for i in range(k - 1, -1, -1):
+        for m in range(i + 1, k):
+            target[i] -= h[m, i] * target[m]
+        target[i] /= h[i, i]
+        total += target[i]
+    for i in range(k):
+        target[i] /= total
+    return True
 
 
 @jit
-def _descend(points, weights, k):
-    """Moves to the affine minimum, dropping points until it lies inside; returns the new count."""
+def _descend(points, weights, k, h, target):
+    """Moves to the affine minimum, dropping points until it lies inside; the new count, 0 stuck."""
     while True:
-        target = _affine_minimum(points, k)
-        if target.min() > 1e-12:
-            weights[:k] = target
-            return k
-        step = 1.0
+        if not _affine_minimum(points, k, h, target):
+            return 0
+        step, blocked = 1.0, -1
         for i in range(k):
-            if target[i] <= 1e-12 and weights[i] - target[i] > 0.0:
-                step = min(step, weights[i] / (weights[i] - target[i]))
+            if target[i] <= 0.0 and weights[i] / (weights[i] - target[i]) < step:
+                step, blocked = weights[i] / (weights[i] - target[i]), i
+        for i in range(k):
+            weights[i] += step * (target[i] - weights[i])
+        if blocked < 0:
+            return k
+        weights[blocked] = 0.0
         kept = 0
         for i in range(k):
-            weight = weights[i] + step * (target[i] - weights[i])
-            if weight > 1e-12:
-                weights[kept] = weight
-                points[kept] = points[i]
+            if weights[i] > 0.0:
+                weights[kept] = weights[i]
+                for c in range(points.shape[1]):
+                    points[kept, c] = points[i, c]
                 kept += 1
-        if kept == k:  # rounding alone held every point: drop the lightest
-            kept -= 1
-            light = int(np.argmin(weights[:k]))
-            weights[light] = weights[kept]
-            points[light] = points[kept]
         k = kept
-        weights[:k] /= weights[:k].sum()
 
 
 @jit
-def nearest(a, y):
-    """Returns x (d,), the shortest vector from `y` (d,) to the zonotope of columns `a` (d, n)."""
-    d = a.shape[0]
-    scale = np.sqrt((y * y).sum()) + np.sqrt((a * a).sum())
-    points = np.zeros((d + 2, d))
-    weights = np.zeros(d + 2)
-    points[0] = _vertex(a, y, -y)
+def nearest(a, y, x):
+    """Writes to x (d,) the shortest vector from `y` (d,) to the zonotope of columns `a` (d, n)."""
+    d, n = a.shape
+    scale = 0.0
+    for c in range(d):
+        scale += y[c] * y[c]
+        for i in range(n):
+            scale += a[c, i] * a[c, i]
+    scale = np.sqrt(scale)
+    unit, at = a / scale, y / scale
+    points, weights, p = np.zeros((d + 2, d)), np.zeros(d + 2), np.empty(d)
+    h, target, best = np.empty((d + 2, d + 2)), np.empty(d + 2), np.empty(d)
+    for c in range(d):
+        x[c] = -at[c]
+    _vertex(unit, at, x, points[0])
     weights[0], k = 1.0, 1
-    x = points[0].copy()
     for _ in range(1000):
-        p = _vertex(a, y, x)
-        if (x * (x - p)).sum() <= DONE * scale * np.sqrt((x * x).sum()):
-            break
-        known = k > d
-        for i in range(k):
-            known = known or np.abs(points[i] - p).max() <= 1e-14 * scale
-        if known:
-            break
-        points[k], weights[k] = p, 0.0
-        k = _descend(points, weights, k + 1)
+        length, along = 0.0, 0.0
         for c in range(d):
-            x[c] = (weights[:k] * points[:k, c]).sum()
-    return x
+            x[c] = 0.0
+            for i in range(k):
+                x[c] += weights[i] * points[i, c]
+            length += x[c] * x[c]
+        _vertex(unit, at, x, p)
+        for c in range(d):
+            along += x[c] * p[c]
+        if length - along <= DONE * np.sqrt(length) or k > d:
+            break
+        for c in range(d):
+            points[k, c], best[c] = p[c], x[c]
+        weights[k] = 0.0
+        k = _descend(points, weights, k + 1, h, target)
+        if k == 0:  # rounding: no better point can be told apart
+            x[:] = best
+            break
+    for c in range(d):
+        x[c] *= scale

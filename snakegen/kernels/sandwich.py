@@ -15,11 +15,17 @@ POINTS = 400  # then the search says that it did not close
 
 
 @jit
+def _between(points, i, j):
+    """Returns the vector from point i to point j."""
+    return points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+
+
+@jit
 def _plane(points, facet, plane):
     """Writes unit normal and offset (4,) of the facet (3,) through three points."""
     a, b, c = points[facet[0]], points[facet[1]], points[facet[2]]
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    ux, uy, uz = _between(points, facet[0], facet[1])
+    vx, vy, vz = _between(points, facet[0], facet[2])
     x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     size = np.sqrt(x * x + y * y + z * z)
     if size <= 1e-300:  # a sliver bounds nothing
@@ -41,24 +47,26 @@ def _simplex(points, count, facets, planes):
     first, second, far = 0, 0, -1.0
     for i in range(count):
         for j in range(i):
-            gap = ((points[i] - points[j]) ** 2).sum()
-            if gap > far:
-                first, second, far = i, j, gap
-    line = points[second] - points[first]
-    third, far = 0, -1.0
+            x, y, z = _between(points, j, i)
+            if x * x + y * y + z * z > far:
+                first, second, far = i, j, x * x + y * y + z * z
+    a, b, c = _between(points, first, second)
+    third, wide, normal = 0, -1.0, np.zeros(3)
     for i in range(count):
-        away = np.cross(line, points[i] - points[first])
-        if (away * away).sum() > far:
-            third, far = i, (away * away).sum()
-    normal = np.cross(line, points[third] - points[first])
-    fourth, far = 0, 0.0
+        x, y, z = _between(points, first, i)
+        u, v, w = b * z - c * y, c * x - a * z, a * y - b * x
+        if u * u + v * v + w * w > wide:
+            third, wide = i, u * u + v * v + w * w
+            normal[0], normal[1], normal[2] = u, v, w
+    fourth, high = 0, 0.0
     for i in range(count):
-        height = (normal * (points[i] - points[first])).sum()
-        if abs(height) > abs(far):
-            fourth, far = i, height
-    if abs(far) <= 1e-14 * np.sqrt((normal * normal).sum() * (line * line).sum()):
+        x, y, z = _between(points, first, i)
+        height = normal[0] * x + normal[1] * y + normal[2] * z
+        if abs(height) > abs(high):
+            fourth, high = i, height
+    if abs(high) <= 1e-14 * np.sqrt(wide * far):
         return 0, first, second, third, fourth
-    if far > 0.0:
+    if high > 0.0:
         second, third = third, second
     corners = (first, second, third, fourth)
     for k, (a, b, c) in enumerate(((0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2))):
@@ -102,14 +110,20 @@ def _insert(points, new, facets, planes, count, edges, slack):
 
 
 @jit
+def _triple(a, b, c):
+    """Returns det [a b c]."""
+    x, y, z = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
+    return a[0] * x + a[1] * y + a[2] * z
+
+
+@jit
 def _guess(directions, multipliers, facet, e, z):
     """Writes to `z` the multiplier along `e`, interpolated (it is homogeneous in e)."""
     a, b, c = directions[facet[0]], directions[facet[1]], directions[facet[2]]
-    bc, ca, ab = np.cross(b, c), np.cross(c, a), np.cross(a, b)
-    volume = (a * bc).sum()
+    volume, first, second = _triple(a, b, c), _triple(e, b, c), _triple(a, e, c)
     u, v, w = 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
     if abs(volume) > 1e-12:
-        u, v, w = (e * bc).sum() / volume, (e * ca).sum() / volume, (e * ab).sum() / volume
+        u, v, w = first / volume, second / volume, _triple(a, b, e) / volume
         if min(u, v, w) < -0.5 or max(u, v, w) > 1.5:
             u, v, w = 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
     for k in range(3):
@@ -153,7 +167,8 @@ def radius(torque, p, limit, hover, frame, tolerance, work, worst):
         if not balanced:
             return -np.inf, upper, k + 1
         directions[k], multipliers[k] = e, z
-        size = max(size, np.abs(points[k]).max())
+        for c in range(3):
+            size = max(size, abs(points[k, c]))
         used += 1
         if upper < -1e-12 * size:
             return -np.inf, upper, used

@@ -8,71 +8,52 @@ normal that was hit can only lower slack(d)/‖d‖: that is the search for the 
 import numpy as np
 
 from snakegen.kernels.jit import jit
-from snakegen.kernels.vectored import slack
+from snakegen.kernels.norms import minimise
+
+FREE = 5  # components of a twist d with d·u = 1
 
 
 @jit
-def _maps(p, basis):
-    """Returns (n, 3, k): how the twist's `basis` columns (6, k) move each point of application."""
-    n, k = p.shape[0], basis.shape[1]
-    out = np.empty((n, 3, k))
-    for j in range(n):
-        x, y, z = p[j]
-        for i in range(k):
-            v, w = basis[:3, i], basis[3:, i]
-            out[j, 0, i] = v[0] + w[1] * z - w[2] * y
-            out[j, 1, i] = v[1] + w[2] * x - w[0] * z
-            out[j, 2, i] = v[2] + w[0] * y - w[1] * x
-    return out
+def moved(d, p, r):
+    """Writes to `r` (n, 3) the velocities v + ω × p_j of the points under the twist d (6,)."""
+    for j in range(p.shape[0]):
+        r[j, 0] = d[0] + d[4] * p[j, 2] - d[5] * p[j, 1]
+        r[j, 1] = d[1] + d[5] * p[j, 0] - d[3] * p[j, 2]
+        r[j, 2] = d[2] + d[3] * p[j, 1] - d[4] * p[j, 0]
 
 
 @jit
-def _rounded(r, limit, smooth):
+def _across(u, basis):
+    """Fills `basis` (5, 6): orthonormal rows orthogonal to u (a Householder reflection)."""
+    size, at = 0.0, 0
+    for c in range(6):
+        size += u[c] * u[c]
+        if abs(u[c]) > abs(u[at]):
+            at = c
+    size = np.sqrt(size)
+    sign = 1.0 if u[at] >= 0.0 else -1.0
+    w = u / size
+    w[at] += sign
+    half = 1.0 + sign * u[at] / size
+    row = 0
+    for k in range(6):
+        if k != at:
+            for c in range(6):
+                basis[row, c] = (1.0 if c == k else 0.0) - w[k] * w[c] / half
+            row += 1
+
+
+@jit
+def slack(d, p, limit, hover, smooth, r):
+    """Returns ``h(d) - d·w0`` of the twist d (6,), norms rounded; `r` (n, 3) is work space."""
+    moved(d, p, r)
     total = 0.0
+    for c in range(6):
+        total -= d[c] * hover[c]
     for j in range(limit.size):
-        total += limit[j] * np.sqrt((r[j] * r[j]).sum() + smooth * smooth)
+        size = r[j, 0] ** 2 + r[j, 1] ** 2 + r[j, 2] ** 2 + smooth * smooth
+        total += limit[j] * np.sqrt(size)
     return total
-
-
-@jit
-def _minimise(start, maps, limit, cost, z, smooth, f, steps):
-    """Newton on ``Σ L_j √(‖r_j‖² + smooth²) - cost·z``, r = start + maps z; True if balanced."""
-    n, k = limit.size, z.size
-    gradient, hessian = np.empty(k), np.empty((k, k))
-    r = start.copy()
-    for j in range(n):
-        r[j] += maps[j] @ z
-    now = _rounded(r, limit, smooth) - (cost * z).sum()
-    for _ in range(steps):
-        gradient[:] = -cost
-        hessian[:] = 0.0
-        for j in range(n):
-            size = np.sqrt((r[j] * r[j]).sum() + smooth * smooth)
-            f[j] = r[j] * (limit[j] / size)
-            pull = maps[j].T @ (r[j] / size)
-            gradient += limit[j] * pull
-            hessian += (limit[j] / size) * (maps[j].T @ maps[j] - np.outer(pull, pull))
-        if np.abs(gradient).sum() <= 1e-11 * limit.sum():
-            return True
-        damp = 1e-13 * np.trace(hessian)
-        for i in range(k):
-            hessian[i, i] += damp
-        step = -np.linalg.solve(hessian, gradient)
-        slope = (gradient * step).sum()
-        share, new, trial = 1.0, now, r
-        while share > 1e-5:
-            trial = start.copy()
-            for j in range(n):
-                trial[j] += maps[j] @ (z + share * step)
-            new = _rounded(trial, limit, smooth) - (cost * (z + share * step)).sum()
-            if new <= now + 1e-4 * share * slope + 1e-15 * abs(now):
-                break
-            share *= 0.5
-        if share <= 1e-5:
-            return False
-        z += share * step
-        r, now = trial, new
-    return False
 
 
 @jit
@@ -81,54 +62,49 @@ def shoot(u, p, limit, hover, twist):
 
     `twist` (6,) ends as the normal where the ray leaves, ``twist·u = 1``. The set must span u.
     """
-    size = np.sqrt((u * u).sum())
-    frame = np.zeros((6, 7))
-    frame[:, 0] = u / size
+    n = limit.size
+    square = 0.0
     for c in range(6):
-        frame[c, c + 1] = 1.0
-    q, _ = np.linalg.qr(frame)
-    basis = np.ascontiguousarray(q[:, 1:])
-    maps = _maps(p, basis)
-    start = np.ascontiguousarray(_maps(p, (u / size**2).reshape(6, 1))[:, :, 0])
-    z, f = np.zeros(5), np.zeros((limit.size, 3))
-    best, forces = z.copy(), f.copy()
-    cost = basis.T @ hover
-    smooth, balanced = 0.3, False
-    while smooth > 1e-11:
-        if not _minimise(start, maps, limit, cost, z, smooth, f, 40):
-            break
-        balanced = True
-        best[:], forces[:] = z, f
-        smooth *= 0.1
-    twist[:] = u / size**2 + basis @ best
-    upper = slack(twist, p, limit, hover)
-    if not balanced:
-        return -np.inf, upper
-    reached = -hover
-    for j in range(limit.size):
-        reached[:3] += forces[j]
-        reached[3:] += np.cross(p[j], forces[j])
-    return (reached * u).sum() / size**2, upper
+        square += u[c] * u[c]
+    basis, start, f = np.empty((FREE, 6)), np.empty((n, 3)), np.empty((n, 3))
+    maps, cost, x, reached = np.empty((n, 3, FREE)), np.zeros(FREE), np.zeros(FREE), np.empty(6)
+    _across(u, basis)
+    for k in range(FREE):
+        moved(basis[k], p, start)
+        for c in range(6):
+            cost[k] += basis[k, c] * hover[c]
+        for j in range(n):
+            for c in range(3):
+                maps[j, c, k] = start[j, c]
+    for c in range(6):
+        twist[c] = u[c] / square
+    moved(twist, p, start)
+    balanced = minimise(start, maps, limit, cost, x, f) < np.inf
+    for k in range(FREE):
+        for c in range(6):
+            twist[c] += x[k] * basis[k, c]
+    lower = 0.0
+    residual(f, p, hover, reached)
+    for c in range(6):
+        lower += reached[c] * u[c] / square
+    return lower if balanced else -np.inf, slack(twist, p, limit, hover, 0.0, start)
 
 
 @jit
-def weakest(starts, p, limit, hover, bound, twist):
-    """Lowers `bound` ≥ the wrench margin from each of `starts` (k, 6); `twist` (6,) follows."""
-    normal = np.empty(6)
-    for k in range(starts.shape[0]):
-        u, before = starts[k] / np.sqrt((starts[k] ** 2).sum()), np.inf
-        for _ in range(50):
-            _, above = shoot(u, p, limit, hover, normal)
-            size = np.sqrt((normal * normal).sum())
-            radius = above / size
-            u = normal / size
-            if radius < bound:
-                bound = radius
-                twist[:] = u
-            if radius >= before * (1.0 - 1e-10):
-                break
-            before = radius
-    return bound
+def residual(f, p, hover, gap):
+    """Writes the wrench of the forces f (n, 3), seen from hover, to `gap` (6,); its length."""
+    for c in range(6):
+        gap[c] = -hover[c]
+    for j in range(p.shape[0]):
+        for c in range(3):
+            gap[c] += f[j, c]
+        gap[3] += p[j, 1] * f[j, 2] - p[j, 2] * f[j, 1]
+        gap[4] += p[j, 2] * f[j, 0] - p[j, 0] * f[j, 2]
+        gap[5] += p[j, 0] * f[j, 1] - p[j, 1] * f[j, 0]
+    size = 0.0
+    for c in range(6):
+        size += gap[c] * gap[c]
+    return np.sqrt(size)
 
 
 @jit
@@ -136,45 +112,45 @@ def distance(p, limit, hover, rounds, twist):
     """Returns (lower, upper) of the scaled distance from `hover` to the set (accelerated descent).
 
     Minimises ``½‖Σ (f_j, p_j × f_j) - w0‖²`` over the balls; `twist` (6,) ends as the unit
-    direction from the set to hover. Stops when the bounds agree to 1e-9.
+    direction from the set to hover. Stops when the bounds agree to 1e-10.
     """
     n = limit.size
-    f, ahead = np.zeros((n, 3)), np.zeros((n, 3))
-    step = 0.0
+    f, ahead, fresh = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+    gap, pull, step, momentum = np.empty(6), np.empty((n, 3)), 0.0, 1.0
     for j in range(n):
-        step += 1.0 + (p[j] * p[j]).sum()
-    step, momentum = 1.0 / step, 1.0
-    low, high = -np.inf, np.inf
+        step += 1.0 + p[j, 0] ** 2 + p[j, 1] ** 2 + p[j, 2] ** 2
+    low, high = 0.0, np.inf
     for _ in range(rounds):
-        gap = -hover
+        residual(ahead, p, hover, gap)
+        moved(gap, p, pull)
+        uphill = 0.0
         for j in range(n):
-            gap[:3] += ahead[j]
-            gap[3:] += np.cross(p[j], ahead[j])
-        fresh = ahead.copy()
-        for j in range(n):
-            fresh[j] -= step * (gap[:3] + np.cross(gap[3:], p[j]))
-            size = np.sqrt((fresh[j] ** 2).sum())
-            if size > limit[j]:
-                fresh[j] *= limit[j] / size
-        # start the momentum again where it leads uphill
-        if ((ahead - fresh) * (fresh - f)).sum() > 0.0:
+            size = 0.0
+            for c in range(3):
+                fresh[j, c] = ahead[j, c] - pull[j, c] / step
+                size += fresh[j, c] ** 2
+            share = min(1.0, limit[j] / np.sqrt(size)) if size > 0.0 else 1.0
+            for c in range(3):
+                fresh[j, c] *= share
+                uphill += (ahead[j, c] - fresh[j, c]) * (fresh[j, c] - f[j, c])
+        if uphill > 0.0:  # the momentum leads astray: start it again
             momentum = 1.0
         faster = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * momentum * momentum))
-        ahead = fresh + ((momentum - 1.0) / faster) * (fresh - f)
-        f, momentum = fresh, faster
-        residual = -hover
         for j in range(n):
-            residual[:3] += f[j]
-            residual[3:] += np.cross(p[j], f[j])
-        size = np.sqrt((residual * residual).sum())
+            for c in range(3):
+                ahead[j, c] = fresh[j, c] + (momentum - 1.0) / faster * (fresh[j, c] - f[j, c])
+                f[j, c] = fresh[j, c]
+        momentum = faster
+        size = residual(f, p, hover, gap)
         if size < 1e-12:
             return 0.0, size
         high = min(high, size)
-        unit = -residual / size
-        below = -slack(unit, p, limit, hover)
+        for c in range(6):
+            gap[c] /= -size
+        below = -slack(gap, p, limit, hover, 0.0, pull)
         if below > low:
             low = below
-            twist[:] = unit
-        if high - low <= 1e-9 * high:
+            twist[:] = gap
+        if high - low <= 1e-10 * high:
             break
-    return max(low, 0.0), high
+    return low, high

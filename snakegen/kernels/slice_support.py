@@ -101,8 +101,9 @@ def _kink(e, z, p, limit, hover, f):
         if x * x + y * y + w * w < least:
             nearest, least = j, x * x + y * y + w * w
     x, y, w = _reach(e, z, True, p, nearest)
-    v = np.array([z[0] - x, z[1] - y, z[2] - w])
-    rest, room = hover[:3].copy(), 0.0
+    v, rest, room = np.empty(3), np.empty(3), 0.0
+    v[0], v[1], v[2] = z[0] - x, z[1] - y, z[2] - w
+    rest[0], rest[1], rest[2] = hover[0], hover[1], hover[2]
     for j in range(n):
         x, y, w = _reach(e, v, True, p, j)
         size = np.sqrt(x * x + y * y + w * w)
@@ -111,13 +112,15 @@ def _kink(e, z, p, limit, hover, f):
             room += limit[j]
             continue
         f[j, 0], f[j, 1], f[j, 2] = limit[j] * x / size, limit[j] * y / size, limit[j] * w / size
-        rest -= f[j]
-    if (rest * rest).sum() > room * room:
+        for c in range(3):
+            rest[c] -= f[j, c]
+    if rest[0] * rest[0] + rest[1] * rest[1] + rest[2] * rest[2] > room * room:
         return False
     for j in range(n):
         if np.isnan(f[j, 0]):
-            f[j] = rest * (limit[j] / room)
-    z[:] = v
+            for c in range(3):
+                f[j, c] = rest[c] * limit[j] / room
+    z[0], z[1], z[2] = v[0], v[1], v[2]
     return True
 
 

@@ -6,10 +6,11 @@ Everything here is scaled: forces by F0, lengths by T0/F0; the set is
 
 import numpy as np
 
-from snakegen.kernels.facets import invert_basis
+from snakegen.kernels.gale import invert_basis
 from snakegen.kernels.jit import jit
 from snakegen.kernels.sandwich import radius, work_space
-from snakegen.kernels.zonotope import OFF, RANK_TOLERANCE, subspace
+from snakegen.kernels.shoot import slack
+from snakegen.kernels.zonotope import OFF, RANK_TOLERANCE, lost_direction, subspace
 
 SAFE = 1e-11  # squared: a bound of σ_6/σ_1 above 3e-6 spares the exact test
 
@@ -81,19 +82,25 @@ def _body_frame(frame, p):
     far, a, b = -1.0, 0, 0
     for i in range(p.shape[0]):
         for j in range(i):
-            gap = ((p[i] - p[j]) ** 2).sum()
+            gap = (p[i, 0] - p[j, 0]) ** 2 + (p[i, 1] - p[j, 1]) ** 2 + (p[i, 2] - p[j, 2]) ** 2
             if gap > far:
                 far, a, b = gap, i, j
     _first_axis(frame, p[a, 0] - p[b, 0], p[a, 1] - p[b, 1], p[a, 2] - p[b, 2])
-    wide, best = 0.0, frame[1].copy()
+    wide, away = 0.0, np.empty(3)
     for i in range(p.shape[0]):
-        off = p[i] - p[a]
-        off = off - frame[0] * (off * frame[0]).sum()
-        if (off * off).sum() > wide:
-            wide, best = (off * off).sum(), off
-    if wide > 1e-24:
-        frame[1] = best / np.sqrt((best * best).sum())
-        frame[2] = np.cross(frame[0], frame[1])
+        along, size = 0.0, 0.0
+        for c in range(3):
+            along += (p[i, c] - p[a, c]) * frame[0, c]
+        for c in range(3):
+            away[c] = p[i, c] - p[a, c] - along * frame[0, c]
+            size += away[c] ** 2
+        if size > wide:
+            wide = size
+            for c in range(3):
+                frame[1, c] = away[c] / np.sqrt(size)
+    x, y = frame[0], frame[1]
+    frame[2, 0], frame[2, 1] = x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2]
+    frame[2, 2] = x[0] * y[1] - x[1] * y[0]
 
 
 @jit
@@ -103,34 +110,23 @@ def _lost(p, limit, hover, tilts, directions):
     basis, lost = subspace(a)
     inside = True
     for i in range(lost.shape[1]):
-        thickness = 0.0
+        thickness, off = 0.0, 0.0
         for j in range(limit.size):
             part = 0.0
-            for c in range(3):
-                part += (lost[:, i] * a[:, 3 * j + c]).sum() ** 2
+            for k in range(3 * j, 3 * j + 3):
+                along = 0.0
+                for c in range(6):
+                    along += lost[c, i] * a[c, k]
+                part += along * along
             thickness += np.sqrt(part)
-        inside = inside and abs((lost[:, i] * hover).sum()) <= thickness + OFF
+        for c in range(6):
+            off += lost[c, i] * hover[c]
+        inside = inside and abs(off) <= thickness + OFF
+        for c in range(6):
+            directions[0, c] = lost[c, 0]
     for k in range(2):
-        tilts[k] = 0.0
-        if lost.shape[1] > 0:
-            _, s, v = np.linalg.svd(np.ascontiguousarray(lost[3 * k : 3 * k + 3]))
-            tilts[k] = s[0]
-            directions[1 + k] = lost @ np.ascontiguousarray(v[0])
-    if lost.shape[1] > 0:
-        directions[0] = lost[:, 0]
+        tilts[k] = lost_direction(lost, 3 * k, directions[1 + k])
     return basis.shape[1], inside
-
-
-@jit
-def slack(d, p, limit, hover):
-    """Returns ``h(d) - d·w0`` of the twist d (6,)."""
-    total = -(d * hover).sum()
-    for j in range(limit.size):
-        x = d[0] + d[4] * p[j, 2] - d[5] * p[j, 1]
-        y = d[1] + d[5] * p[j, 0] - d[3] * p[j, 2]
-        z = d[2] + d[3] * p[j, 1] - d[4] * p[j, 0]
-        total += limit[j] * np.sqrt(x * x + y * y + z * z)
-    return total
 
 
 @jit
@@ -175,11 +171,11 @@ def batch(points, limit, hover, tolerance, bounds, directions, ranks, counts):
             bounds[i] = np.nan
             bounds[i, 0, 0], bounds[i, 0, 1] = -np.inf, -1.0
             continue
-        _bracket(p, limit, held, bounds[i], directions[i], ranks[i])
+        _bracket(p, limit, held, bounds[i], directions[i], ranks[i], work[6])
 
 
 @jit
-def _bracket(p, limit, hover, bounds, directions, rank):
+def _bracket(p, limit, hover, bounds, directions, rank, r):
     """Bounds the wrench margin by the two slices: a b/√(a² + b²) below, known twists above."""
     if rank < 6:
         bounds[0] = 0.0
@@ -188,8 +184,10 @@ def _bracket(p, limit, hover, bounds, directions, rank):
     bounds[0, 0] = a * b / np.sqrt(a * a + b * b) if a + b > 0.0 else 0.0
     bounds[0, 1] = np.inf
     for k in range(1, 3):
-        twist = directions[k] / np.sqrt((directions[k] ** 2).sum())
-        above = max(slack(twist, p, limit, hover), 0.0)
+        size = 0.0
+        for c in range(6):
+            size += directions[k, c] ** 2
+        above = max(slack(directions[k], p, limit, hover, 0.0, r), 0.0) / np.sqrt(size)
         if above < bounds[0, 1]:
             bounds[0, 1] = above
-            directions[0] = twist
+            directions[0] = directions[k]

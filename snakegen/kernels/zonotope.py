@@ -6,7 +6,8 @@ its own subspace, a hover outside it by `nearest`. Definitions: THEORY A4.
 
 import numpy as np
 
-from snakegen.kernels.facets import four, gale, invert_basis, tree
+from snakegen.kernels.facets import tree
+from snakegen.kernels.gale import four, gale, invert_basis
 from snakegen.kernels.jit import jit
 from snakegen.kernels.nearest import nearest
 
@@ -28,17 +29,23 @@ def subspace(a):
 
 
 @jit
-def _lost_direction(lost, first, out):
+def lost_direction(lost, first, out):
     """Writes to `out` (6,) the lost direction that tilts most along axes first…first+2.
 
     Returns the tilt: 0 where the slice along these axes keeps all its dimensions.
     """
-    tilt = 0.0
-    if lost.shape[1] > 0:
-        _, s, v = np.linalg.svd(np.ascontiguousarray(lost[first : first + 3]))
-        tilt = s[0]
-        out[:] = lost @ np.ascontiguousarray(v[0])
-    return tilt
+    if lost.shape[1] == 0:
+        return 0.0
+    part = np.empty((3, lost.shape[1]))
+    for c in range(3):
+        for k in range(lost.shape[1]):
+            part[c, k] = lost[first + c, k]
+    _, s, v = np.linalg.svd(part)
+    for c in range(6):
+        out[c] = 0.0
+        for k in range(lost.shape[1]):
+            out[c] += lost[c, k] * v[0, k]
+    return s[0]
 
 
 @jit
@@ -74,10 +81,14 @@ def _whole(rows, a, y):
 @jit
 def _outside(a, y, margin, normals):
     """Sets the signed wrench margin of an infeasible hover: minus the distance to the set."""
-    x = nearest(a, y)
-    distance = np.sqrt((x * x).sum())
-    margin[0] = -distance
-    normals[0, 6 - a.shape[0] :] = -x / distance
+    d = a.shape[0]
+    x, distance = np.empty(d), 0.0
+    nearest(a, y, x)
+    for c in range(d):
+        distance += x[c] * x[c]
+    margin[0] = -np.sqrt(distance)
+    for c in range(d):
+        normals[0, 6 - d + c] = x[c] / margin[0]
 
 
 @jit
@@ -88,10 +99,15 @@ def _within(a, y, margin, normals, squared, rows, stack, sizes, span):
     r = basis.shape[1]
     for i in range(d - r):
         # a direction counts as lost below the rank tolerance: its set is thin, not without width
-        thickness = 0.0
+        thickness, off = 0.0, 0.0
+        for c in range(d):
+            off += lost[c, i] * y[c]
         for j in range(n):
-            thickness += 0.5 * abs((lost[:, i] * a[:, j]).sum())
-        if abs((lost[:, i] * y).sum()) > thickness + OFF:
+            along = 0.0
+            for c in range(d):
+                along += lost[c, i] * a[c, j]
+            thickness += 0.5 * abs(along)
+        if abs(off) > thickness + OFF:
             _outside(a, y, margin, normals)
             return r
     if r > 0:
@@ -102,12 +118,12 @@ def _within(a, y, margin, normals, squared, rows, stack, sizes, span):
     margin[0], margin[1], margin[2] = np.sqrt(squared[0]), np.sqrt(squared[1]), np.sqrt(squared[2])
     if r < d:
         margin[0] = 0.0
-        normals[0] = 0.0
-        normals[0, 6 - d :] = lost[:, 0]
+        for c in range(6):
+            normals[0, c] = lost[c - 6 + d, 0] if c >= 6 - d else 0.0
         if d == 6:
             for first in (0, 3):
                 direction = np.zeros(6)
-                if _lost_direction(lost, first, direction) > OFF:
+                if lost_direction(lost, first, direction) > OFF:
                     margin[1 + first // 3] = 0.0
                     normals[1 + first // 3] = direction
     return r
@@ -204,7 +220,10 @@ def along(q, half, middle, hover, scale, u):
     basis, lost = subspace(a)
     span = np.array([-np.inf, np.inf])
     for i in range(lost.shape[1]):
-        toward, off = (lost[:, i] * u).sum(), (lost[:, i] * y).sum()
+        toward, off = 0.0, 0.0
+        for c in range(6):
+            toward += lost[c, i] * u[c]
+            off += lost[c, i] * y[c]
         if abs(toward) > OFF:
             t = -off / toward
             span[0], span[1] = max(span[0], t), min(span[1], t)
@@ -215,6 +234,7 @@ def along(q, half, middle, hover, scale, u):
         rows, stack, sizes, squared = work_space(n)[:4]
         _fill(rows, a, y, basis)
         for i in range(r):
-            rows[i, n + 1] = (basis[:, i] * u).sum()
+            for c in range(6):
+                rows[i, n + 1] += basis[c, i] * u[c]
         tree(rows, r, n, stack, sizes, squared, np.zeros((3, 6)), span, True)
     return span[1] if span[1] >= span[0] - OFF * (1.0 + abs(span[0])) else np.nan

@@ -8,6 +8,12 @@ from snakegen.errors import AnalysisError
 Floats = NDArray[np.float64]
 
 
+def _fits(has: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
+    return len(has) == len(wanted) and all(
+        want is None or want == size for want, size in zip(wanted, has, strict=True)
+    )
+
+
 def array(name: str, value: ArrayLike, *shapes: tuple[int | None, ...]) -> Floats:
     """Returns `value` as finite float64 of one of `shapes` (None: any length).
 
@@ -19,11 +25,7 @@ def array(name: str, value: ArrayLike, *shapes: tuple[int | None, ...]) -> Float
     except (TypeError, ValueError) as error:
         raise AnalysisError(f"{name} is not an array of numbers: {error}") from None
     out = out.reshape(np.shape(value))
-    if not any(
-        len(shape) == out.ndim
-        and all(want is None or want == has for want, has in zip(shape, out.shape, strict=True))
-        for shape in shapes
-    ):
+    if not any(_fits(out.shape, shape) for shape in shapes):
         wanted = " or ".join(str(s).replace("None", "any") for s in shapes)
         raise AnalysisError(f"{name} has shape {out.shape}; it must be {wanted}.")
     if not np.isfinite(out).all():

@@ -52,7 +52,7 @@ class ThrustMargins:
     def singular_values(self) -> Floats:
         """Singular values of the scaled matrix S Q diag(upper), largest first."""
         scaled = self.allocation * self.upper / self.scale[:, None]
-        return np.linalg.svd(scaled, compute_uv=False)
+        return np.asarray(np.linalg.svd(scaled, compute_uv=False), np.float64)
 
     def __len__(self) -> int:
         if self.allocation.ndim == 2:
@@ -64,9 +64,11 @@ class ThrustMargins:
         if self.allocation.ndim == 2:
             raise TypeError("margins of one posture cannot be indexed")
         at = int(posture)
-        numbers = (getattr(self, name)[at] for name in NAMES)
         return ThrustMargins(
-            *numbers,
+            self.wrench[at],
+            self.force[at],
+            self.torque[at],
+            self.attitude_altitude[at],
             self.rank[at],
             self.normals[at],
             self.allocation[at],
@@ -105,6 +107,8 @@ class ThrustMargins:
             out[i] = zonotope.along(
                 columns, half[live], middle[live], fixed, self.scale, direction / self.scale
             )
+        # where hover is within reach so is t = 0, whatever rounding says
+        out = np.where(np.reshape(self.feasible, -1), np.maximum(out, 0.0), out)
         return out if self.allocation.ndim == 3 else out[0]
 
     def worst(self, margin: str) -> Floats:
@@ -197,6 +201,17 @@ def thrust_margins(
     )
     margins[:, 1] *= scale[0]
     margins[:, 2] *= scale[3]
-    if q.ndim == 2:
-        return ThrustMargins(*margins[0], rank[0], normals[0], q, low, high, hover, scale)
-    return ThrustMargins(*margins.T, rank, normals, q, low, high, hover, scale)
+    whole = ThrustMargins(
+        margins[:, 0],
+        margins[:, 1],
+        margins[:, 2],
+        margins[:, 3],
+        rank,
+        normals,
+        stack,
+        low,
+        high,
+        hover.reshape(-1, 6),
+        scale,
+    )
+    return whole if q.ndim == 3 else whole[0]

@@ -147,7 +147,7 @@ class VectoredMargins:
         feasible = np.reshape(self.feasible, -1)
         out = np.full(len(stack), np.nan)
         for i in np.flatnonzero(feasible):
-            basis, lost = vectored.subspace(vectored.columns(stack[i], self.limits / force))
+            lost = vectored.subspace(vectored.columns(stack[i], self.limits / force))[1]
             if np.abs(lost.T @ direction).max(initial=0.0) > 1e-9 * np.linalg.norm(direction):
                 out[i] = 0.0
                 continue
@@ -203,6 +203,22 @@ def _starts(count: int, twists: Floats) -> Floats:
     return np.ascontiguousarray(np.vstack([known, np.eye(6), -np.eye(6), signs])[:count])
 
 
+def _fall(
+    u: Floats, p: Floats, limit: Floats, hover: Floats, bounds: Floats, twists: Floats
+) -> None:
+    """Lowers the wrench bound from direction u: shoot, turn to the normal that was hit, repeat."""
+    normal, before = np.empty(6), np.inf
+    for _ in range(50):
+        above = shoot.shoot(u, p, limit, hover, normal)[1]
+        size = np.linalg.norm(normal)
+        radius, u = above / size, normal / size
+        if radius < bounds[0, 1]:
+            bounds[0, 1], twists[0] = radius, u
+        if radius >= before * (1.0 - 1e-10):
+            return
+        before = radius
+
+
 def _refine(
     p: Floats, limit: Floats, hover: Floats, bounds: Floats, twists: Floats, rank: int, starts: int
 ) -> None:
@@ -211,9 +227,8 @@ def _refine(
         low, high = shoot.distance(p, limit, hover, 20000, twists[0])
         bounds[0] = -high, -low
     elif rank == 6 and starts:
-        bounds[0, 1] = shoot.weakest(
-            _starts(starts, twists), p, limit, hover, bounds[0, 1], twists[0]
-        )
+        for start in _starts(starts, twists):
+            _fall(start, p, limit, hover, bounds, twists)
         bounds[0, 0] = min(bounds[0, 0], bounds[0, 1])
 
 
