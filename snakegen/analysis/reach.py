@@ -4,7 +4,7 @@ Inverse kinematics of redundant chains (ZS24 eqs 3-5 as THEORY C reads them): da
 closed loop, limits and a posture wish in the null space; the body may have to pass a port.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,8 +19,6 @@ from snakegen.kinetostatics.follow import (
     Port,
     Track,
     chain_of,
-    checked_options,
-    checked_path,
     follow,
     place,
     reach_point,
@@ -167,11 +165,11 @@ def analyze(
         raise AnalysisError(f"{robot.name} has no chain joint: its tip cannot be led.")
     q = robot.check_q(q)
     chain = chain_of(robot, q, find_tip(robot, tip, tip_point))
-    loop = checked_options(options or Options(), len(chain.joints))
+    loop = _checked_options(options or Options(), len(chain.joints))
     full = robot.angles(q)
     start, J = place(chain, full)
     first, whole = _stretched(chain)
-    given = checked_path(path) if path is not None else None
+    given = _checked_path(path) if path is not None else None
     if given is None:
         given = _default_circle(start, first, whole, radius, duration, loop.dt)
     u, s, _ = np.linalg.svd(J)
@@ -247,3 +245,21 @@ def _why(
     near = track is None or track.sigma[-1, -1] < floor
     where = "too near a singular posture" if near else "no step inside the joint limits goes on"
     return f"{begin}: {where}"
+
+
+def _checked_path(path: ArrayLike) -> Floats:
+    """Returns a path as (m, 3) m with m ≥ 2 finite points."""
+    out = np.asarray(path, float)
+    if out.ndim != 2 or out.shape[1] != 3 or len(out) < 2:
+        raise AnalysisError(f"path: shape {out.shape} given, (m, 3) with m ≥ 2 needed.")
+    return finite(out, out.shape, "path")
+
+
+def _checked_options(options: Options, count: int) -> Options:
+    """Returns `options` after a check of its numbers and of its posture's size."""
+    for name in ("dt", "tolerance", "give_up"):
+        if not getattr(options, name) > 0:
+            raise AnalysisError(f"{name} = {getattr(options, name)}: a number above 0 is needed.")
+    if options.posture is None:
+        return options
+    return replace(options, posture=finite(options.posture, (count,), "posture"))

@@ -8,8 +8,11 @@ rank drops the right inverse is damped, so rates stay finite and the path is lef
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from snakegen.kernels.tree import Floats
+
+Flags = NDArray[np.bool_]
 
 
 class Step(NamedTuple):
@@ -26,7 +29,7 @@ class Step(NamedTuple):
     joints: Floats
     rank: int
     sigma: Floats
-    held: Floats
+    held: Flags
     damping: float
 
 
@@ -66,8 +69,8 @@ def limited_step(
 ) -> Step:
     """Returns the joint step ``J⁺ Δx + (E - J⁺J) Δq_0`` inside the room that the limits leave.
 
-    A joint that would pass a limit is stopped there and the others make up for it: redundancy
-    pays for limits before the path does.
+    A joint that would pass a limit is stopped there and the others make up for it; the wish is
+    added afterwards, as far as room is left: redundancy pays for limits first, then for wishes.
 
     Args:
         J: (k, n) task Jacobian.
@@ -80,13 +83,31 @@ def limited_step(
     free, fixed = np.ones(n, bool), np.zeros(n)
     while True:
         inverse, sigma, rank, damping = damped_right_inverse(J * free, floor, most)
-        base = np.where(free, wish, 0.0)
-        step = np.where(free, base + inverse @ (wanted - J @ (fixed + base)), fixed)
+        step = np.where(free, inverse @ (wanted - J @ fixed), fixed)
         over = free & ((step < below - 1e-12) | (step > above + 1e-12))
         if not np.any(over):
-            return Step(np.clip(step, below, above), rank, sigma, ~free, damping)
+            break
         # The worst offender only: stopping one often brings the others back.
         excess = np.where(over, np.maximum(step - above, below - step), -np.inf)
         i = int(np.argmax(excess))
         free[i] = False
         fixed[i] = above[i] if step[i] > above[i] else below[i]
+    step = np.clip(step, below, above)
+    if np.any(wish):
+        step = step + _spare_motion(J, wish, free, below - step, above - step)
+    return Step(np.clip(step, below, above), rank, sigma, ~free, damping)
+
+
+def _spare_motion(J: Floats, wish: Floats, free: Flags, below: Floats, above: Floats) -> Floats:
+    """Returns the wish's part that moves no task, no joint past its limit."""
+    while True:
+        held = J * free
+        wished = wish * free
+        move = free * (wished - np.linalg.pinv(held, rcond=1e-6) @ (held @ wished))
+        stuck = free & (((above <= 1e-12) & (move > 1e-15)) | ((below >= -1e-12) & (move < -1e-15)))
+        if not np.any(stuck):
+            break
+        free = free & ~stuck
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.where(move > 0, above / move, np.where(move < 0, below / move, np.inf))
+    return np.asarray(min(1.0, float(np.min(room))) * move)

@@ -1,16 +1,14 @@
 """Inverse kinematics of a robot's tip: reach a point, follow a path, enter through a port."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
 from snakegen.kernels.chain import forward
-from snakegen.kernels.inverse_kinematics import damped_right_inverse, limited_step
+from snakegen.kernels.inverse_kinematics import Flags, damped_right_inverse, limited_step
 from snakegen.kernels.twist import tip_jacobian
-from snakegen.kinetostatics.law import finite
 from snakegen.kinetostatics.tip import Tip
 from snakegen.robot import Robot
 
@@ -56,7 +54,7 @@ class Options:
         corrections: Newton steps after each sample at most; 0 is the pure rate loop.
         tolerance: m, tip error at which corrections stop.
         give_up: m, tip error at which the path counts as lost.
-        posture: (k,) rad, the joints' wish in the null space; the start if absent.
+        posture: (k,) rad, the joints' wish in the null space; mid-range if absent.
         pull: 1/s, how fast the wish is followed.
         floor: σ_min / scale below which the inverse is damped.
         damping: λ / scale at σ_min = 0.
@@ -65,7 +63,7 @@ class Options:
 
     dt: float = 0.01
     gain: float = 10.0
-    corrections: int = 0
+    corrections: int = 1
     tolerance: float = 1e-6
     give_up: float = 1e-3
     posture: Floats | None = None
@@ -171,7 +169,10 @@ def _approach(
         if left <= options.tolerance:
             break
         e *= min(1.0, 0.1 * chain.scale / left)
-        held = _move(chain, full, J, e, np.zeros(len(chain.joints)), options)[2]
+        # Far away the posture wish keeps the arm off its limits; near by only the tip counts.
+        ease = 0.05 if left > 1e-3 * chain.scale else 0.0
+        drift = ease * (_wish(chain, options) - full[chain.joints])
+        held = _move(chain, full, J, e, drift, options)
     return best[0], best[1], _names(chain, best[2])
 
 
@@ -185,7 +186,7 @@ def follow(chain: Chain, full: Floats, path: Floats, options: Options) -> Track:
         options: the loop.
     """
     full = full.copy()
-    wish = full[chain.joints].copy() if options.posture is None else options.posture
+    wish = _wish(chain, options)
     arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     rows, held, clearance = [], np.zeros(len(chain.joints), bool), np.inf
     lost = False
@@ -195,13 +196,13 @@ def follow(chain: Chain, full: Floats, path: Floats, options: Options) -> Track:
             feed = path[i] - path[i - 1]
             e = feed + options.gain * options.dt * (path[i - 1] - position)
             drift = options.pull * options.dt * (wish - full[chain.joints])
-            _, _, held = _move(chain, full, J, e, drift, options)
+            held = _move(chain, full, J, e, drift, options)
             for _ in range(options.corrections):
                 position, J = place(chain, full)
                 if np.linalg.norm(target - position) <= options.tolerance:
                     break
                 none = np.zeros(len(chain.joints))
-                _, _, held = _move(chain, full, J, target - position, none, options)
+                held = _move(chain, full, J, target - position, none, options)
         position, J = place(chain, full)
         error = float(np.linalg.norm(target - position))
         lost = error > options.give_up
@@ -225,10 +226,19 @@ def follow(chain: Chain, full: Floats, path: Floats, options: Options) -> Track:
     )  # fmt: skip
 
 
+def _wish(chain: Chain, options: Options) -> Floats:
+    """Returns the posture (k,) that the null space is spent on."""
+    middle = 0.5 * (chain.lower + chain.upper)
+    return middle if options.posture is None else options.posture
+
+
 def _move(
     chain: Chain, full: Floats, J: Floats, e: Floats, wish: Floats, options: Options
-) -> tuple[int, Floats, Floats]:
-    """Moves `full` by one limited step; what the path leaves free serves the port, then `wish`."""
+) -> Flags:
+    """Moves `full` by one limited step; what the path leaves free serves the port, then `wish`.
+
+    Returns the joints held at a limit (k,).
+    """
     floor, most = options.floor * chain.scale, options.damping * chain.scale
     if options.port is not None:
         off, rows = _crossing(chain, full, options.port)
@@ -242,7 +252,7 @@ def _move(
     below, above = np.minimum(chain.lower - at, 0.0), np.maximum(chain.upper - at, 0.0)
     step = limited_step(J, e, wish, below, above, floor, most)
     full[chain.joints] = at + step.joints
-    return step.rank, step.sigma, step.held
+    return step.held
 
 
 def _crossing(chain: Chain, full: Floats, port: Port) -> tuple[Floats, Floats]:
@@ -273,24 +283,6 @@ def _clearance(chain: Chain, full: Floats, port: Port) -> float:
     return float(port.radius - np.linalg.norm(off)) if len(off) else np.inf
 
 
-def _names(chain: Chain, held: Floats) -> tuple[str, ...]:
+def _names(chain: Chain, held: Flags) -> tuple[str, ...]:
     names = chain.robot.joint_names
     return tuple(names[j] for j, h in zip(chain.joints, held, strict=True) if h)
-
-
-def checked_path(path: ArrayLike) -> Floats:
-    """Returns a path as (m, 3) m with m ≥ 2 finite points."""
-    out = np.asarray(path, float)
-    if out.ndim != 2 or out.shape[1] != 3 or len(out) < 2:
-        raise AnalysisError(f"path: shape {out.shape} given, (m, 3) with m ≥ 2 needed.")
-    return finite(out, out.shape, "path")
-
-
-def checked_options(options: Options, count: int) -> Options:
-    """Returns `options` after a check of its numbers and of its posture's size."""
-    for name in ("dt", "tolerance", "give_up"):
-        if not getattr(options, name) > 0:
-            raise AnalysisError(f"{name} = {getattr(options, name)}: a number above 0 is needed.")
-    if options.posture is None:
-        return options
-    return replace(options, posture=finite(options.posture, (count,), "posture"))
