@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from snakegen.geometry import Floats
+from snakegen.geometry import Floats, wxyz_from_xyzw
 from snakegen.kernels.chain import centre_of_gravity, forward
 from snakegen.robot import Robot
 
@@ -19,13 +19,43 @@ def robot_picture(robot: Robot, scene: Path, png: Path) -> str:
     """
     from snakegen.description.picture import render
     from snakegen.plot_robot import draw_robot
-    from snakegen.posture import neutral
 
-    done = render(scene, png, camera="track", width=1280, height=800)
+    q = _shown(robot)
+    done = render(scene, png, width=1280, height=800, qpos=_qpos(robot, q, scene))
     if done:
         return ""
-    draw_robot(png, **figure(robot, neutral(robot)))
+    draw_robot(png, **figure(robot, q))
     return f"drawn as a figure, not rendered: {done.reason}"
+
+
+def _shown(robot: Robot) -> Floats:
+    """Returns the posture of the picture: bent a little, 0.6 m up; straight ones tell less."""
+    from snakegen.posture import set_angle
+
+    q = np.array(robot.configuration())
+    names = list(robot.chain_joints)
+    low, high, _ = robot.limits(names)
+    for k, name in enumerate(names):
+        bend = 0.9 if name.endswith("_yaw") else (-0.3, 0.3)[(k // 2) % 2]
+        if len(robot.modules.lengths) > 5:
+            bend *= 5.0 / len(robot.modules.lengths) * (1.0, -1.0)[(k // 6) % 2]
+        set_angle(robot, q, name, float(np.clip(bend, low[k], high[k])))
+    if robot.floating:
+        q[2] = 0.6
+    return q
+
+
+def _qpos(robot: Robot, q: Floats, scene: Path) -> Floats:
+    """Returns q in MuJoCo's order for the model of `scene`."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(scene))
+    out = np.array(model.qpos0)
+    if robot.floating:
+        out[:3], out[3:7] = q[:3], wxyz_from_xyzw(q[3:7])
+    for name, angle in zip(robot.joint_names, robot.angles(q), strict=True):
+        out[model.joint(name).qposadr[0]] = angle
+    return out
 
 
 def figure(robot: Robot, q: Floats) -> dict[str, Floats]:

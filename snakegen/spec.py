@@ -158,7 +158,7 @@ class VectoringApparatus(Part):
     pitch_limit: Positive | list[Positive] = Field(3.14159265, description="rad, |θ|")
     effort: Positive | list[Positive] = Field(3.0, description="N m, both gimbal servos")
     velocity: Positive | list[Positive] = Field(12.5, description="rad/s, both gimbal servos")
-    servo: Servo = Servo(stiffness=20.0, damping=0.9, armature=0.005)
+    servo: Servo = Servo(stiffness=100.0, damping=2.1, armature=0.005)
     roll_mass: Positive | list[Positive] = Field(0.46, description="kg, module on the roll axis")
     roll_inertia: Diagonal | list[Diagonal] | None = None
     pitch_mass: Positive | list[Positive] = Field(0.53, description="kg, module with the rotors")

@@ -221,14 +221,18 @@ def _scenery(spec: mujoco.MjSpec, root: Any) -> None:
     camera.pos = [round(float(x), 4) for x in centre + 2.2 * radius * away]
     camera.quat = wxyz_from_xyzw(quaternion_xyzw(np.column_stack([right, up, away]))).round(6)
     camera.fovy = 40.0
-    spec.worldbody.add_light(
+    down = np.array([-0.1, 0.3, -1.0])
+    above = centre - (1.5 * radius + 1.5) * down / np.linalg.norm(down)
+    root.add_light(  # near the robot: a far one leaves its shadow coarse
         name="sun",
+        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM,
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=[0.0, 0.0, 6.0],
-        dir=[-0.25, 0.35, -1.0],
+        pos=[round(float(x), 4) for x in above],
+        dir=down,
         diffuse=[0.55] * 3,
         castshadow=True,
     )
+    spec.visual.quality.shadowsize = 8192
 
 
 def _keyframes(spec: mujoco.MjSpec, modules: Modules) -> None:
@@ -257,6 +261,8 @@ def lowest_point(model: mujoco.MjModel, data: mujoco.MjData) -> float:
         size, z = model.geom_size[g], data.geom_xpos[g][2]
         along = abs(axes[2, 2])
         across = np.sqrt(max(0.0, 1.0 - along**2))
+        if model.geom_type[g] == kind.mjGEOM_PLANE:
+            continue
         if model.geom_type[g] == kind.mjGEOM_SPHERE:
             reach = size[0]
         elif model.geom_type[g] == kind.mjGEOM_CAPSULE:

@@ -30,12 +30,13 @@ def expand(spec_path: Path, mesh_prefix: str = "meshes/") -> str:
     import xacro
 
     template = templates_folder() / "snake.urdf.xacro"
-    mappings = {"spec": str(spec_path), "mesh_prefix": mesh_prefix}
+    mappings = {"spec": str(spec_path.resolve()), "mesh_prefix": mesh_prefix}
     try:
         document = xacro.process_file(str(template), mappings=mappings)
     except Exception as error:
+        reason = str(error)
         importlib.reload(xacro)  # a failure leaves xacro's module state half-way
-        raise DescriptionError(f"{spec_path.name}: the templates do not expand: {error}") from error
+        raise DescriptionError(f"{spec_path.name}: the templates do not expand: {reason}") from None
     text = document.toprettyxml(indent="  ")
     return _BANNER.sub(_OURS.format(spec=spec_path.name), text, count=1)
 

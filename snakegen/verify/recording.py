@@ -49,8 +49,10 @@ STANDARD: dict[str, Standard] = {
     "joint_angle": Standard("rad", "joints", "joints between links"),
     "joint_command": Standard("rad", "joint command", "angle asked of each joint"),
     "joint_torque": Standard("N·m", "joint torque", "torque of each joint servo"),
-    "sigma_min": Standard("1", "σ_min", "smallest scaled singular value of the allocation"),
-    "wrench_margin": Standard("1", "margins", "scaled wrench margin"),
+    "sigma_min": Standard(
+        "1", "scaled margins", "smallest scaled singular value of the allocation"
+    ),
+    "wrench_margin": Standard("1", "scaled margins", "scaled wrench margin"),
     "force_margin": Standard("N", "margins", "force margin"),
     "torque_margin": Standard("N·m", "margins", "torque margin"),
     "floor_distance": Standard("m", "clearance", "smallest distance of the robot to the floor"),

@@ -1,0 +1,193 @@
+"""`snakegen analyze flight`: a verification run in MuJoCo, logged to rerun."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from snakegen.cli.options import (
+    json_option,
+    modules_option,
+    note,
+    override_options,
+    print_json,
+    robot_argument,
+    robot_of,
+)
+
+
+@click.command()
+@robot_argument
+@click.option("--mission", default="hover", show_default=True, help="What to fly; see below.")
+@click.option("-o", "--out", metavar="FILE.rrd", type=click.Path(), help="The log to write.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of noise and mismatch.")
+@click.option("--duration", type=float, help="Seconds; the mission's own by default.")
+@click.option(
+    "--option", "options", metavar="NAME=VALUE", multiple=True, help="An option of the mission."
+)
+@click.option("--gains", help="Gain set of the spec, as in paper or tuned.")
+@click.option(
+    "--allocator", type=click.Choice(["paper", "constrained"]), default="paper", show_default=True,
+    help="Pseudo-inverse as printed, or least norm within limits.",
+)  # fmt: skip
+@click.option("--ideal", is_flag=True, help="Perfect sensors and rotors.")
+@override_options
+@modules_option
+@json_option
+@click.option("--open", "show", is_flag=True, help="Open the log in the viewer (127.0.0.1).")
+def flight(
+    robot: str,
+    mission: str,
+    out: str | None,
+    seed: int,
+    duration: float | None,
+    options: tuple[str, ...],
+    gains: str | None,
+    allocator: str,
+    ideal: bool,
+    links: int | None,
+    apparatus: str | None,
+    overrides: tuple[str, ...],
+    modules: str | None,
+    as_json: bool,
+    show: bool,
+) -> int:
+    """Fly ROBOT through a mission in MuJoCo, log it to rerun, and judge it.
+
+    Exit code 3 when a check of the verdict fails. Missions: see `--mission help`.
+
+    \b
+    Example:
+      snakegen analyze flight dragon4 --mission transform
+      snakegen analyze flight dragon4 --mission hover --duration 5 --seed 3 --json
+    """
+    from snakegen.log import view, write
+    from snakegen.verify.missions import missions
+    from snakegen.verify.run import run
+
+    if mission == "help":
+        for name, text in missions().items():
+            click.echo(f"{name:<12}{text}")
+        return 0
+    machine = robot_of(robot, links, apparatus, overrides, modules)
+    chosen = mission_options(mission, machine, options, duration)
+    with progress_bar(f"{machine.name} {mission}") as step:
+        recording = run(
+            machine,
+            mission,
+            seed=seed,
+            gains=gains,
+            allocator=allocator,
+            ideal=ideal,
+            options=chosen,
+            progress=step,
+        )
+    path = Path(out) if out else Path("generated") / machine.name / f"{mission}.rrd"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write(recording, path, mesh_folder=mesh_folder(machine, path))
+    judged = recording.verdict
+    passed = judged is not None and judged.passed
+    if as_json:
+        print_json(result_json(recording, path))
+    else:
+        for line in result_lines(recording, path):
+            click.echo(line)
+    if show:
+        view(path)
+    return 0 if passed else 3
+
+
+def mission_options(
+    name: str, robot: Any, items: tuple[str, ...], duration: float | None
+) -> dict[str, Any]:
+    """Returns the options of a mission from ``name=value`` items, checked against its OPTIONS."""
+    from snakegen import yaml_file
+    from snakegen.errors import MissionError, near
+    from snakegen.posture import read_posture
+    from snakegen.verify.missions import mission as find
+
+    known = getattr(find(name, robot), "OPTIONS", {})
+    given: dict[str, Any] = {}
+    for item in items:
+        key, equals, value = item.partition("=")
+        key = key.strip().replace("-", "_")
+        if not equals:
+            raise MissionError(f"--option '{item}': write name=value.")
+        given[key] = yaml_file.parse(value, f"--option {key}")
+    if duration is not None:
+        given["duration"] = duration
+    for key in given:
+        if key not in known:
+            raise MissionError(f"mission '{name}' has no option '{key}'.{near(key, known)}")
+        default = known[key][0]
+        if isinstance(default, float) and not isinstance(given[key], int | float):
+            raise MissionError(f"--option {key}: {given[key]!r} is not a number.")
+    if "posture" in given:
+        given["posture"] = read_posture(Path(str(given["posture"])))
+    return given
+
+
+def mesh_folder(robot: Any, log: Path) -> Path | None:
+    """Returns the folder from which the URDF's mesh paths start, if its meshes can be found."""
+    if robot.path is not None:
+        return Path(robot.path).parent
+    for folder in (log.parent, Path("generated") / robot.name):
+        if (folder / "meshes").is_dir():
+            return folder
+    return None
+
+
+def result_json(recording: Any, path: Path) -> dict[str, Any]:
+    """Returns what --json prints: metrics, verdict and where the log is."""
+    judged = recording.verdict
+    keep = ("robot", "mission", "seed", "mode", "gains", "allocator", "ideal", "stopped")
+    return (
+        {k: recording.meta[k] for k in keep if k in recording.meta}
+        | recording.metrics
+        | {
+            "log": str(path),
+            "verdict": judged.to_json() if judged else None,
+            "passed": bool(judged and judged.passed),
+        }
+    )
+
+
+def result_lines(recording: Any, path: Path) -> list[str]:
+    """Returns what a person reads: the checks, the log, and the verdict last."""
+    lines = [f"log: {path}"]
+    judged = recording.verdict
+    if judged is None:
+        return [*lines, "verdict: none"]
+    lines += [f"  {check.line()}" for check in judged.checks]
+    return [*lines, f"verdict: {judged.summary()}"]
+
+
+class progress_bar:
+    """A progress bar on stderr with an estimate; silent when stderr is no terminal."""
+
+    def __init__(self, title: str) -> None:
+        self.title = title
+        self.bar: Any = None
+
+    def __enter__(self) -> Any:
+        if not sys.stderr.isatty():
+            return None
+        from rich.console import Console
+        from rich.progress import Progress
+
+        self.bar = Progress(console=Console(stderr=True), transient=True)
+        self.bar.start()
+        task = self.bar.add_task(self.title, total=1)
+
+        def step(done: int, total: int) -> None:
+            self.bar.update(task, completed=done, total=total)
+
+        return step
+
+    def __exit__(self, *_: Any) -> None:
+        if self.bar is not None:
+            self.bar.stop()
+
+
+__all__ = ["flight", "note"]

@@ -1,0 +1,182 @@
+"""From the rows of a run to its recording: CoG motion, margins, clearances, power."""
+
+from typing import Any
+
+import numpy as np
+
+from snakegen import __version__
+from snakegen.control.controller import Controller
+from snakegen.geometry import Floats, quaternion_xyzw
+from snakegen.kernels.control_types import VIRTUAL
+from snakegen.kernels.history import cog_history
+from snakegen.robot import Robot
+from snakegen.verify.clearance import clearances
+from snakegen.verify.loop import Flown, rotation_of
+from snakegen.verify.plan import Plan
+from snakegen.verify.recording import Channel, Event, Recording, channel
+from snakegen.verify.world import World
+
+SLOW = 0.1  # s, between two rows of what is worked out from the posture
+AIR = 1.2  # kg/m³
+FIGURE_OF_MERIT = 0.6  # share of the ideal power that becomes thrust (assumed)
+
+
+def record(
+    world: World, plan: Plan, controller: Controller, flown: Flown, meta: dict[str, Any]
+) -> Recording:
+    """Returns the recording of a flight."""
+    robot, n = world.robot, flown.ticks
+    time = plan.time[:n]
+    motion = _motion(world, controller, flown)
+    target = np.array([quaternion_xyzw(flown.frame @ r) for r in plan.rotation[:n]])
+    thrust = _thrust(world, flown)
+    gimbals = world.gimbal_joints >= 0
+    names = _Names(robot, world)
+    joints, turned = world.chain, world.gimbal_joints[gimbals]
+    q = world.configurations(flown.qpos)
+    channels = {
+        "position": channel("position", motion[0]),
+        "position_target": channel("position_target", plan.position[:n]),
+        "attitude": channel("attitude", np.array([quaternion_xyzw(r) for r in motion[2]])),
+        "attitude_target": channel("attitude_target", target),
+        "velocity": channel("velocity", motion[1]),
+        "angular_velocity": channel("angular_velocity", motion[3]),
+        "q": channel("q", q, names.q),
+        "thrust": channel("thrust", thrust, names.rotors),
+        "thrust_command": channel(
+            "thrust_command", flown.command[:, world.rotors], names.rotors
+        ),
+        "gimbal_angle": channel("gimbal_angle", flown.qpos[:, world.qpos[turned]], names.gimbals),
+        "gimbal_command": channel(
+            "gimbal_command", flown.command[:, world.gimbals[gimbals]], names.gimbals
+        ),
+        "gimbal_torque": channel(
+            "gimbal_torque", flown.force[:, world.gimbals[gimbals]], names.gimbals
+        ),
+        "joint_angle": channel("joint_angle", flown.qpos[:, world.qpos[joints]], names.joints),
+        "joint_command": channel("joint_command", flown.command[:, world.servos], names.joints),
+        "joint_torque": channel("joint_torque", flown.force[:, world.servos], names.joints),
+        "sigma_min": channel("sigma_min", flown.sigma_min),
+        "floor_contact": channel("floor_contact", flown.contact),
+        "power": channel("power", _power(robot, thrust)),
+    }
+    if plan.disturbance is not None:
+        channels["disturbance"] = channel("disturbance", plan.disturbance[:n])
+        channels["disturbance_point"] = channel("disturbance_point", flown.qpos[:, :3])
+    channels |= _slow(world, controller, plan, flown, q)
+    events = tuple(Event(*e) for e in flown.events)
+    return Recording(time, channels, events, _meta(robot, world, meta))
+
+
+class _Names:
+    """Labels of the channels."""
+
+    def __init__(self, robot: Robot, world: World) -> None:
+        self.rotors = [r.link for a in robot.modules.apparatuses for r in a.rotors]
+        self.gimbals = [
+            n for a in robot.modules.apparatuses for n in (a.roll, a.pitch) if n is not None
+        ]
+        self.joints = [robot.joint_names[i] for i in world.chain]
+        base = ["x", "y", "z", "qx", "qy", "qz", "qw"] if robot.floating else []
+        self.q = base
+        for name in robot.joint_names:
+            two = robot.model.joints[robot.model.getJointId(name)].nq == 2
+            self.q = [*self.q, *([f"{name}:cos", f"{name}:sin"] if two else [name])]
+
+
+def _motion(
+    world: World, controller: Controller, flown: Flown
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Returns true CoG position, velocity, attitude and rate along the run."""
+    rotation = np.array([rotation_of(q) for q in flown.qpos[:, 3:7]])
+    law = controller.law
+    out = cog_history(
+        world.robot.tree,
+        law.axes_body,
+        law.axes_rotation,
+        rotation,
+        np.ascontiguousarray(flown.qpos[:, :3]),
+        np.ascontiguousarray(flown.qvel[:, :3]),
+        np.einsum("tij,tj->ti", rotation, flown.qvel[:, 3:6]),
+        np.ascontiguousarray(flown.qpos[:, world.qpos]),
+        np.ascontiguousarray(flown.qvel[:, world.qvel]),
+    )
+    return out[0], out[1], out[2], out[3]
+
+
+def _thrust(world: World, flown: Flown) -> Floats:
+    """Returns the thrust that each rotor gives, after its lag."""
+    lagged = world.activation >= 0
+    out = np.array(flown.force[:, world.rotors])
+    out[:, lagged] = flown.act[:, world.activation[lagged]]
+    return out
+
+
+def _power(robot: Robot, thrust: Floats) -> Floats:
+    """Returns the electric power (T,) [W]: ideal power ``T^1.5 / √(2 ρ A)`` over 0.6."""
+    sizes = np.array([r.diameter for a in robot.modules.apparatuses for r in a.rotors])
+    area = np.pi * (0.5 * sizes) ** 2
+    ideal = np.maximum(thrust, 0.0) ** 1.5 / np.sqrt(2.0 * AIR * area)
+    return np.asarray(ideal.sum(axis=1) / FIGURE_OF_MERIT)
+
+
+def _slow(
+    world: World, controller: Controller, plan: Plan, flown: Flown, q: Floats
+) -> dict[str, Channel]:
+    """Returns margins and clearances, ten times a second."""
+    step = max(1, round(SLOW / (plan.time[1] - plan.time[0]))) if len(plan.time) > 1 else 1
+    rows = np.arange(0, flown.ticks, step)
+    time = plan.time[rows]
+    out = {}
+    for name, values in _margins(world.robot, controller.mode, q[rows]).items():
+        out[name] = channel(name, values, time=time)
+    floor, own = clearances(world, flown.qpos[rows])
+    out["floor_distance"] = channel("floor_distance", floor, time=time)
+    if np.all(np.isfinite(own)):
+        out["self_distance"] = channel("self_distance", own, time=time)
+    return out
+
+
+def _margins(robot: Robot, mode: int, q: Floats) -> dict[str, Floats]:
+    """Returns the margins of the flown mode at rows of q, gimbals as they are."""
+    from snakegen.analysis.allocation import allocation
+    from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
+
+    at = [allocation(robot, row) for row in q]
+    hover = np.array([a.hover_wrench for a in at])
+    scales = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    if mode == VIRTUAL:
+        points = np.array([a.thrust_points for a in at])
+        m: Any = vectored_margins(points, robot.gimbals.limit, hover, tolerance=1e-2, **scales)
+        return {
+            "wrench_margin": m.wrench,
+            "force_margin": m.force_bounds[:, 0],
+            "torque_margin": m.torque_bounds[:, 0],
+        }
+    rotors = robot.rotors
+    dual = np.array([a.dual for a in at])
+    m = thrust_margins(dual, rotors.thrust_min, rotors.thrust_max, hover, **scales)
+    return {"wrench_margin": m.attitude_altitude}
+
+
+def _meta(robot: Robot, world: World, meta: dict[str, Any]) -> dict[str, Any]:
+    """Returns what the log says about the run beside its signals."""
+    rotors = [r for a in robot.modules.apparatuses for r in a.rotors]
+    efforts = robot.limits([robot.joint_names[i] for i in world.chain])[2]
+    turned = world.gimbal_joints[world.gimbal_joints >= 0]
+    gimbal_efforts = robot.limits([robot.joint_names[i] for i in turned])[2]
+    return {
+        "robot": robot.name,
+        "version": __version__,
+        "weight_n": robot.force_scale,
+        "urdf": robot.urdf,
+        "urdf_sha256": robot.urdf_hash,
+        "rotors": [{"link": r.link, "axis": list(r.axis)} for r in rotors],
+        "limits": {
+            "thrust_min": [r.thrust_min for r in rotors],
+            "thrust_max": [r.thrust_max for r in rotors],
+            "joint_torque": efforts.tolist(),
+            "gimbal_torque": gimbal_efforts.tolist(),
+        },
+        "power_model": f"thrust^1.5/sqrt(2 rho A)/{FIGURE_OF_MERIT}, rho {AIR}",
+    } | meta

@@ -1,0 +1,147 @@
+"""A verification run from end to end: mission → plan → flight → recording → verdict."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from snakegen.control.controller import Controller, flight_controller
+from snakegen.errors import MissionError
+from snakegen.robot import GRAVITY, Robot
+from snakegen.verify.loop import fly
+from snakegen.verify.metrics import metrics
+from snakegen.verify.missions import mission
+from snakegen.verify.plan import Plan
+from snakegen.verify.plant import Imperfections, draw
+from snakegen.verify.record import record
+from snakegen.verify.recording import Recording
+from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
+from snakegen.verify.world import make_world
+
+
+def run(
+    robot: Robot,
+    name: str,
+    *,
+    seed: int = 0,
+    gains: str | None = None,
+    allocator: str = "paper",
+    ideal: bool = False,
+    options: dict[str, Any] | None = None,
+    progress: Callable[[int, int], Any] | None = None,
+) -> Recording:
+    """Flies mission `name` with `robot` and returns the judged recording.
+
+    Args:
+        robot: any robot that the mission applies to.
+        name: of the mission.
+        seed: of noise and mismatch; the same seed gives the same run, bit for bit.
+        gains: gain set; the robot's own choice if not given.
+        allocator: "paper" or "constrained".
+        ideal: perfect sensors and rotors.
+        options: of the mission.
+        progress: called with ticks flown and ticks in all.
+
+    Raises:
+        MissionError: the mission does not suit the robot, or cannot start from its posture.
+    """
+    module = mission(name, robot)
+    controller = flight_controller(robot, gains, allocator=allocator)
+    control = robot.modules.control
+    rate = float(control.get("attitude_rate", 200.0))
+    position_rate = float(control.get("position_rate", 40.0))
+    plan: Plan = module.plan(robot, rate, **(options or {}))
+    check_start(robot, controller, plan)
+    world = make_world(robot)
+    imperfections = Imperfections.of(robot.modules.plant)
+    if ideal:
+        imperfections = imperfections.ideal()
+    rng = np.random.default_rng(seed)
+    noise = draw(imperfections, rng, len(plan.time), len(world.rotors), len(robot.joint_names))
+    report = (lambda k: progress(k, len(plan.time))) if progress is not None else None
+    flown = fly(
+        world, plan, controller, noise, imperfections, position_rate=position_rate, progress=report
+    )
+    modes = ("dual_rotor", "virtual_single_rotor")
+    window = plan.window or (0.0, float(plan.time[-1]))
+    meta = {
+        "mission": name,
+        "seed": seed,
+        "mode": modes[controller.mode],
+        "gains": gains or str(control.get("gains", "")),
+        "allocator": allocator,
+        "ideal": ideal,
+        "plant": vars(imperfections),
+        "stopped": flown.stopped,
+        "planned_s": float(plan.time[-1]),
+        "metrics_window_s": [window[0], min(window[1], float(plan.time[flown.ticks - 1]))],
+    }
+    recording = record(world, plan, controller, flown, meta)
+    return judge(recording, plan)
+
+
+def judge(recording: Recording, plan: Plan) -> Recording:
+    """Returns the recording with its metrics and verdict; a run cut short does not pass."""
+    found = metrics(recording)
+    found["completed"] = not recording.meta["stopped"]
+    bounds = {"completed": {"equals": True}} | FLIGHT_THRESHOLDS | plan.thresholds
+    return recording.judged(found, verdict(found, bounds))
+
+
+def check_start(robot: Robot, controller: Controller, plan: Plan) -> None:
+    """Refuses a start that cannot hover.
+
+    Raises:
+        MissionError: too heavy, no hover within limits, or σ_min below the controller's threshold.
+    """
+    from snakegen.control.frame import cog_frame
+
+    most = float(robot.rotors.thrust_max.sum())
+    weight = robot.mass * GRAVITY
+    if most <= weight:
+        raise MissionError(
+            f"{robot.name} is too heavy to fly: {weight:.1f} N of weight, {most:.1f} N of thrust "
+            f"at most (thrust to weight {most / weight:.2f})."
+        )
+    base, origin = robot.base_pose(plan.start)
+    angles = robot.angles(plan.start)
+    frame = cog_frame(controller, angles, base, origin)
+    sigma, unmet, thrust, limit = _first_allocation(robot, controller, plan, frame)
+    if sigma < controller.law.sigma_min and controller.mode == 1:
+        raise MissionError(
+            f"{robot.name} starts in a singular posture: scaled σ_min {sigma:.2g} is below "
+            f"{controller.law.sigma_min:g}; bend the body, or lower control.sigma_min."
+        )
+    if unmet > 1e-3 or np.any(thrust > limit * (1 + 1e-9)) or np.any(thrust < -1e-9):
+        raise MissionError(
+            f"{robot.name} cannot hover in the mission's first posture: thrusts "
+            f"{np.round(thrust, 2).tolist()} N for limits {np.round(limit, 2).tolist()} N, "
+            f"{100 * unmet:.2g} % of the weight unbalanced."
+        )
+
+
+def _first_allocation(
+    robot: Robot, controller: Controller, plan: Plan, frame: Any
+) -> tuple[float, float, Any, Any]:
+    """Returns σ_min, share of the weight unmet, thrusts and limits of the first tick."""
+    from snakegen.kernels.control_types import Measured, Target
+
+    base, origin = robot.base_pose(plan.start)
+    angles = robot.angles(plan.start)
+    still = np.zeros(3)
+    measured = Measured(base, origin, still, still, angles, np.zeros_like(angles))
+    target = Target(frame.cog, still, still, frame.axes, still)
+    turns = np.zeros((controller.apparatuses, 2))
+    for j in range(controller.apparatuses):
+        for k, body in enumerate((robot.gimbals.roll_body[j], robot.gimbals.pitch_body[j])):
+            turns[j, k] = angles[body - 1] if body >= 0 else 0.0
+    _, command = controller.tick(measured, target, controller.start(turns), 1e-9)
+    gap = frame.scale * (command.given - frame.hover_wrench)
+    if controller.mode == 0:
+        gap = gap[2:]
+    return (
+        float(command.sigma_min),
+        float(np.linalg.norm(gap)),
+        command.thrust,
+        robot.rotors.thrust_max,
+    )
