@@ -12,9 +12,12 @@ from snakegen.verify.recording import Recording
 
 # Pages of plots, each a tab; a group that no page names goes to the last one.
 PAGES: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("Tracking", ("position error", "attitude error", "thrust", "joints", "margins")),
+    (
+        "Tracking",
+        ("position error", "attitude error", "thrust", "joints", "margins", "scaled margins"),
+    ),
     ("Actuators", ("gimbals", "gimbal torque", "joint torque", "screws", "power")),
-    ("Safety", ("σ_min", "clearance", "contact", "disturbance")),
+    ("Safety", ("clearance", "contact", "disturbance")),
     ("State", ("position", "attitude", "velocity")),
 )
 

@@ -14,7 +14,15 @@ from snakegen.log.scene import Scene, scene, thrust_use
 from snakegen.verify.recording import Recording
 
 Floats = NDArray[np.float64]
-SHOWN = ("position error", "attitude error", "thrust", "joints", "margins", "σ_min", "screws")
+SHOWN = (
+    "position error",
+    "attitude error",
+    "thrust",
+    "joints",
+    "margins",
+    "scaled margins",
+    "screws",
+)
 
 
 def draw(recording: Recording, png: Path, at: float, size: tuple[int, int]) -> None:
