@@ -148,7 +148,7 @@ def analyze(
     """Returns what the tip can reach, and what becomes of a path that it is to follow.
 
     The base is held. Without a path the tip draws a circle of `radius` round a point that lies an
-    eighth of the reach behind its place, facing the chain: every arm can bend to that.
+    eighth of the reach behind its place.
 
     Args:
         robot: any robot with a chain joint.
@@ -171,7 +171,7 @@ def analyze(
     first, whole = _stretched(chain)
     given = _checked_path(path) if path is not None else None
     if given is None:
-        given = _default_circle(start, first, whole, radius, duration, loop.dt)
+        given = _default_circle(chain, full, start, radius, duration, loop)
     u, s, _ = np.linalg.svd(J)
     rank = int(np.sum(s > 1e-6 * max(s[0], 1e-300)))
     full, missed, held = reach_point(chain, full, given[0], loop)
@@ -205,13 +205,21 @@ def _stretched(chain: Chain) -> tuple[Floats, float]:
 
 
 def _default_circle(
-    start: Floats, first: Floats, whole: float, radius: float, duration: float, dt: float
+    chain: Chain, full: Floats, start: Floats, radius: float, duration: float, loop: Options
 ) -> Floats:
-    """Returns a circle that faces the chain, drawn back by an eighth of its length."""
+    """Returns a circle round a point drawn back towards the first joint by an eighth of the reach.
+
+    Its normal is the direction in which the tip moves least there, so that every chain of two
+    joints or more can draw it: a planar one in its plane.
+    """
+    first, whole = _stretched(chain)
     out = start - first
     far = float(np.linalg.norm(out))
     along = out / far if far > 1e-9 else np.array([1.0, 0.0, 0.0])
-    return circle(start - along * min(whole / 8, 0.5 * far), radius, along, duration, dt)
+    centre = start - along * min(whole / 8, 0.5 * far)
+    there = reach_point(chain, full, centre, loop)[0]
+    normal = np.linalg.svd(place(chain, there)[1])[0][:, 2]
+    return circle(centre, radius, normal, duration, loop.dt)
 
 
 def _why(
