@@ -80,8 +80,8 @@ def _angles(recording: Recording) -> list[Series]:
     for name in ("attitude", "attitude_target"):
         if name in recording.channels:
             angles = Rotation.from_quat(recording.channel(name).values).as_euler("ZYX")[:, ::-1]
-            # unwrapped, so that a turn past ±180° is no jump
-            angles = np.unwrap(angles, axis=0)
+            if np.any(np.abs(np.diff(angles, axis=0)) > np.pi):
+                angles = np.unwrap(angles, axis=0)  # a turn past ±180° is no jump
             labels = ("roll", "pitch", "yaw")
             out.append(Series("attitude", name, recording.times(name), angles, labels, "rad"))
     return out

@@ -82,7 +82,10 @@ class Skeleton:
             if links is not None and j.child not in links:
                 continue
             rotation, position = out[j.parent]
-            turned, moved = rotation @ j.rotation, position + rotation @ j.translation
+            # One flat product: NumPy walks stacks of 3 × 3 one by one.
+            rows = np.ascontiguousarray(rotation).reshape(-1, 3)
+            turned = (rows @ j.rotation).reshape(-1, 3, 3)
+            moved = position + (rows @ j.translation).reshape(-1, 3)
             angle = angles.get(j.name)
             if angle is not None and j.kind in ("revolute", "continuous"):
                 turned = turned @ rotations_about(j.axis, angle)
