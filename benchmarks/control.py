@@ -129,9 +129,8 @@ def main() -> None:
             def script(c: Controller = c, t: Target = target, s: State = state) -> object:
                 return numpy_tick(c, angles, t, s.gimbals)
 
-            print(
-                f"  NumPy script, same mode (answers {apart:.0e} apart)        {best_of(script, 30):10.1f}"
-            )
+            name = f"NumPy script, same mode (answers {apart:.0e} apart)"
+            print(f"  {name:<50s} {best_of(script, 30):7.1f}")
 
 
 if __name__ == "__main__":

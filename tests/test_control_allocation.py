@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flat_robots import X, Y, Z, random_rotation, snake
+from flat_robots import FlatRobot, X, Y, Z, random_rotation, snake
 from scipy.optimize import lsq_linear, minimize
 
 from snakegen.control import constrained, fully_actuated, switch, underactuated
@@ -317,3 +317,50 @@ def test_gimbals_that_cannot_be_turned_are_refused():
         check_mounts(tree, tilted, gimbals)
     with pytest.raises(ControlRefused, match="between its gimbal joints"):
         check_mounts(tree, rotors, gimbals._replace(roll_body=gimbals.roll_body[::-1]))
+
+
+def foreign_robot():
+    """Six apparatuses of a foreign make: pitch before roll, skewed axes, some with one gimbal."""
+    rng, length = np.random.default_rng(4), 0.42
+    robot = FlatRobot(2.0, (length / 2, 0, 0), 2.0 * np.diag([0.001, 0.0165, 0.0165]))
+    body, joints, gimbals = 0, [], []
+    for j in range(6):
+        if j > 0:
+            pitch = robot.add(body, (length, 0, 0), Y)
+            body = robot.add(pitch, np.zeros(3), Z, 2.0, (length / 2, 0, 0), 0.03 * np.eye(3))
+            joints.append((pitch - 1, body - 1))
+        turn = rotation_about(Z, 0.2 * j)
+        first = robot.add(body, (length / 2, 0, 0), Y, rotation=turn)
+        roll, last, axis = -1, first, Z
+        if j < 4:
+            skewed = np.array([1.0, 0.0, 0.15]) / np.hypot(1.0, 0.15)
+            roll = last = robot.add(first, (0.01, 0, 0.04), skewed, rotation=rotation_about(X, 0.3))
+            axis = rotation_about(X, -0.3) @ Z
+        point = rng.normal(size=3) * 0.02
+        robot.rotors.append((last, point, axis, 0.01 * (-1.0) ** j, 0.0, 40.0, j))
+        robot.gimbals.append((body, np.eye(3), roll, first, last, point, axis, 40.0))
+        gimbals.append((roll - 1, first - 1))
+    return *robot.freeze(), np.array(joints), np.array(gimbals)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_foreign_gimbals_are_served(seed):
+    """Single rotors drag, gimbals stand in another order, two apparatuses have one gimbal."""
+    robot = foreign_robot()
+    check_mounts(*robot[:3])
+    rng = np.random.default_rng(seed)
+    c = controller_of(robot, sweeps=8, newton=20)
+    angles = bent(robot, rng, 0.8)
+    frame = cog_frame(c, angles)
+    wrench = random_wrench(rng, frame, robot)
+    a = fully_actuated.allocate(c, frame, wrench)
+    assert a.residual <= 1e-6 and np.all(a.gimbals[4:, 0] == 0.0)
+    full = angles.copy()
+    for j, (roll, pitch) in enumerate(robot[4]):
+        full[pitch] = a.gimbals[j, 1]
+        if roll >= 0:
+            full[roll] = a.gimbals[j, 0]
+    poses = chain.forward(robot[0], np.eye(3), np.zeros(3), full)
+    points, directions = wrench_map.rotor_frames(robot[1], *poses, frame.cog, frame.axes)
+    given = wrench_map.dual_map(robot[1], points, directions) @ a.thrust
+    np.testing.assert_allclose(given, wrench, atol=1e-5)

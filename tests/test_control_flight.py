@@ -7,7 +7,7 @@ from flat_robots import random_rotation, snake
 from test_control_allocation import G, controller_of, true_wrench
 
 import snakegen
-from snakegen.control import switch
+from snakegen.control import pose, switch
 from snakegen.control.controller import flight_controller
 from snakegen.control.frame import cog_frame
 from snakegen.control.gains import Gains, gains_from
@@ -89,6 +89,13 @@ def test_tick_asks_for_the_wrench_of_equations_15_to_19(seed):
     torque = inertia @ (g.torque_p * e_r + g.torque_i * wound + g.torque_d * e_w)
     torque += np.cross(omega, inertia @ omega)
     np.testing.assert_allclose(command.wanted, np.r_[r.T @ force, torque], atol=1e-9)
+    np.testing.assert_allclose(
+        pose.desired_force(g, mass, error, target.velocity - speed, pulled, target.acceleration),
+        force,
+        atol=1e-9,
+    )
+    alone = pose.desired_torque(g, inertia, r, target.rotation, omega, target.angular, wound)
+    np.testing.assert_allclose(alone, torque, atol=1e-9)
     np.testing.assert_allclose(state.force_integral, pulled, atol=1e-12)
     np.testing.assert_allclose(state.torque_integral, wound, atol=1e-12)
 
