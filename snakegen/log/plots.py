@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.log import style
+from snakegen.log.scene import last_finite
+from snakegen.log.skeleton import angles_of, rotations_from_xyzw
 from snakegen.verify.metrics import attitude_error, position_error
 from snakegen.verify.recording import Recording
 
@@ -74,14 +76,11 @@ def groups(shown: list[Series]) -> dict[str, str]:
 
 def _angles(recording: Recording) -> list[Series]:
     """Returns attitudes as roll, pitch and yaw: nobody reads quaternions."""
-    from scipy.spatial.transform import Rotation
-
     out = []
     for name in ("attitude", "attitude_target"):
         if name in recording.channels:
-            angles = Rotation.from_quat(recording.channel(name).values).as_euler("ZYX")[:, ::-1]
-            if np.any(np.abs(np.diff(angles, axis=0)) > np.pi):
-                angles = np.unwrap(angles, axis=0)  # a turn past ±180° is no jump
+            values = last_finite(recording.channel(name).values)
+            angles = angles_of(rotations_from_xyzw(values))
             labels = ("roll", "pitch", "yaw")
             out.append(Series("attitude", name, recording.times(name), angles, labels, "rad"))
     return out

@@ -50,7 +50,7 @@ def scene(recording: Recording) -> Scene:
     angles: dict[str, Floats] = {}
     lines = np.empty((len(time), 0, 3))
     if bones is not None:
-        labels, q = recording.channel("q").labels, recording.held("q", time)
+        labels, q = recording.channel("q").labels, last_finite(recording.held("q", time))
         base, angles = sk.base_poses(labels, q), sk.joint_angles(labels, q)
         lines = bones.body_line(base, angles)
     ghost = _ghost(recording, bones, time, base, angles)
@@ -75,6 +75,20 @@ def scene(recording: Recording) -> Scene:
         max(float(np.linalg.norm(cloud - middle, axis=1).max()), 0.5 * size),
         _newton(recording, size),
     )
+
+
+def last_finite(values: Floats) -> Floats:
+    """Returns `values` (T, k), each row that is not finite replaced by the last that was.
+
+    A run that diverged is drawn standing where it was last seen.
+    """
+    good = np.all(np.isfinite(values), axis=1)
+    if good.all():
+        return values
+    if not good.any():
+        return np.zeros_like(values)
+    row = np.maximum.accumulate(np.where(good, np.arange(len(values)), 0))
+    return values[np.maximum(row, np.argmax(good))]
 
 
 def thrust_use(recording: Recording, thrust: Floats) -> Floats:
@@ -122,7 +136,7 @@ def _ghost(
     wanted = {"position", "position_target", "attitude", "attitude_target"}
     if bones is None or not wanted <= recording.channels.keys():
         return np.empty((len(time), 0, 3))
-    place = {name: recording.held(name, time) for name in wanted}
+    place = {name: last_finite(recording.held(name, time)) for name in wanted}
     now = sk.rotations_from_xyzw(place["attitude"])
     goal = sk.rotations_from_xyzw(place["attitude_target"])
     turn = goal @ np.swapaxes(now, 1, 2)

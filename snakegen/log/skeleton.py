@@ -145,8 +145,9 @@ def base_poses(labels: tuple[str, ...], q: Floats) -> Poses:
 
 
 def rotations_from_xyzw(quaternion: Floats) -> Floats:
-    """Returns (T, 3, 3) of quaternions xyzw (T, 4)."""
-    x, y, z, w = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
+    """Returns (T, 3, 3) of quaternions xyzw (T, 4); identity for one of no length."""
+    size = np.linalg.norm(quaternion, axis=1, keepdims=True)
+    x, y, z, w = np.where(size > 0, quaternion / np.where(size > 0, size, 1.0), [0, 0, 0, 1]).T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
@@ -209,3 +210,14 @@ def _tip(link: ET.Element) -> Floats | None:
 
 def _vector(text: str | None, default: str) -> Floats:
     return np.array([float(v) for v in (text or default).split()])
+
+
+def angles_of(rotation: Floats) -> Floats:
+    """Returns roll, pitch, yaw (T, 3) rad of ``Rz(yaw) Ry(pitch) Rx(roll)``, turns unwrapped."""
+    pitch = -np.arcsin(np.clip(rotation[:, 2, 0], -1.0, 1.0))
+    roll = np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])
+    yaw = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
+    angles = np.column_stack([roll, pitch, yaw])
+    if np.any(np.abs(np.diff(angles, axis=0)) > np.pi):
+        angles = np.unwrap(angles, axis=0)
+    return angles
