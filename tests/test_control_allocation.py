@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from flat_robots import FlatRobot, X, Y, Z, random_rotation, snake
-from scipy.optimize import lsq_linear, minimize
+from scipy.optimize import linprog, lsq_linear, minimize
 
 from snakegen.control import constrained, fully_actuated, switch, underactuated
 from snakegen.control.controller import Controller, ControlRefused, check_mounts, law_of
@@ -364,3 +364,33 @@ def test_foreign_gimbals_are_served(seed):
     points, directions = wrench_map.rotor_frames(robot[1], *poses, frame.cog, frame.axes)
     given = wrench_map.dual_map(robot[1], points, directions) @ a.thrust
     np.testing.assert_allclose(given, wrench, atol=1e-5)
+
+
+def test_bounded_thrusts_reach_the_exact_directional_margin():
+    """Met up to just below the LP's largest t with w0 + t u in W, missed just above it."""
+    rng = np.random.default_rng(8)
+    for _ in range(10):
+        q, high = rng.normal(size=(4, 8)), rng.uniform(5, 20, 8)
+        start, u = q @ (0.5 * high), rng.normal(size=4)
+        best = linprog(
+            np.r_[np.zeros(8), -1.0],
+            A_eq=np.column_stack([q, -u]),
+            b_eq=start,
+            bounds=[(0, h) for h in high] + [(0, None)],
+        )
+        for share, reached in ((0.999, True), (1.01, False)):
+            wrench = start + share * best.x[-1] * u
+            mine = constrained.bounded_thrusts(q, wrench, 0.0, high, np.full(4, 0.05))
+            assert (mine.shortfall < 1e-6) == reached
+
+
+def test_bounded_forces_reach_the_anchor_of_equal_limits():
+    """Centroid of the points at the CoG: straight up, N L is reached and no more (THEORY A4)."""
+    points = np.array([[0.6, 0.1, 0.0], [-0.6, -0.1, 0.0], [0.2, -0.5, 0.1], [-0.2, 0.5, -0.1]])
+    for share, reached in ((0.9999, True), (1.001, False)):
+        up = np.array([0, 0, share * 4 * 32.0, 0, 0, 0])
+        mine = constrained.bounded_forces(
+            points, 32.0, up, np.r_[np.full(3, 0.01), np.full(3, 0.03)]
+        )
+        assert (mine.shortfall < 1e-6) == reached
+        assert np.all(mine.at_limit) == (not reached)

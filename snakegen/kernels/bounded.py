@@ -14,7 +14,8 @@ from snakegen.kernels.jit import jit
 from snakegen.kernels.spd import solve_spd
 from snakegen.kernels.tree import Floats
 
-STAGES = (1e-4, 1e-6, 1e-8)  # δ: the last is far below what a rotor can resolve
+BOX_STAGES = (1e-4, 1e-7, 1e-10)  # δ: the last is far below what a rotor can resolve
+BALL_STAGES = (1e-4, 1e-6, 1e-8)  # round sets bend the dual; a smaller δ stalls out of reach
 STEPS = 30
 HALVINGS = 24
 
@@ -72,7 +73,7 @@ def box_allocation(
             q[i, c] = rows[i] * matrix[i, c]
     mu, trial = np.zeros(m), np.zeros(m)
     x = box_point(q, weight, lower, upper, mu)
-    for soft in STAGES:
+    for soft in BOX_STAGES:
         for _ in range(STEPS):
             gap = dual_gap(q, x, mu, w, soft)
             if inner(gap, gap) < 1e-24:
@@ -174,7 +175,7 @@ def ball_allocation(matrix: Floats, wrench: Floats, rows: Floats, limit: Floats)
             q[i, c] = rows[i] * matrix[i, c]
     mu, trial = np.zeros(6), np.zeros(6)
     pull, force = ball_point(q, limit, mu)
-    for soft in STAGES:
+    for soft in BALL_STAGES:
         for _ in range(STEPS):
             gap = dual_gap(q, force, mu, w, soft)
             if inner(gap, gap) < 1e-24:
