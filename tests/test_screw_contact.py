@@ -6,17 +6,21 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from screw_urdf import drive_urdf
 
 from snakegen.analysis.screw_drive import wheel_rates
 from snakegen.control.screw import ScrewLaw
+from snakegen.description.mjcf import decorate
 from snakegen.description.screw_contact import (
     GROUND_BIT,
     BareChain,
     ScrewContact,
+    decorate_drive,
     decorate_screws,
     screw_mjcf,
 )
 from snakegen.errors import DescriptionError, SpecError
+from snakegen.modules import from_urdf
 from snakegen.paths import FollowReference, TimeLaw, l_crank, path_length, square
 from snakegen.screw_motion import hara_chain
 from snakegen.verify.screw_contact import (
@@ -210,3 +214,27 @@ def test_a_missing_body_is_named():
         broken.delete(broken.body(drum))
         with pytest.raises(DescriptionError, match="no body 'wheel"):
             decorate_screws(broken, ScrewContact(ALPHA))
+
+
+@pytest.mark.parametrize("rollers", ["ring_sphere", "ball"])
+def test_a_urdf_drives_as_the_bare_chain_does(rollers):
+    text = drive_urdf(ALPHA)
+    modules = from_urdf(text)
+    spec = decorate(text, modules, {}, visuals=False)
+    full = spec.compile()
+    spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1])
+    decorate_drive(spec, modules, rollers)
+    drive = ContactDrive(spec.compile(), 4)
+    assert np.isclose(drive.model.body_mass.sum(), full.body_mass.sum())
+    shape, twist = np.array([0.4, 0.2, -0.3]), np.array([0.05, 0.05, 0.2])
+    w, rate = np.concatenate([np.zeros(3), shape]), np.concatenate([twist, np.zeros(3)])
+    u = wheel_rates(w, w, rate, 0.0, ALPHA, *PAPER)
+    got = measured_twist(drive, shape, u[:4], 1.0, 2.0)
+    lever = np.array([1.0, 1.0, 0.226])
+    assert np.linalg.norm(lever * (got - twist)) <= 0.015 * np.linalg.norm(lever * twist)
+
+
+def test_a_robot_without_drums_is_refused():
+    modules = replace(from_urdf(drive_urdf(ALPHA)), screws=())
+    with pytest.raises(DescriptionError, match="no screw unit"):
+        decorate_drive(mujoco.MjSpec(), modules)

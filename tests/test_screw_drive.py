@@ -1,13 +1,22 @@
 """Screw drive: A, B and u against wheel kinematics differentiated, paths, holds, demands, eq 8."""
 
+import json
 import math
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from screw_urdf import drive_urdf
 
-from snakegen.analysis.screw_drive import constraint_matrices, follow_the_leader, wheel_rates
+from snakegen.analysis.screw_drive import (
+    analyze,
+    applies,
+    constraint_matrices,
+    examine,
+    follow_the_leader,
+    wheel_rates,
+)
 from snakegen.control.screw import ScrewLaw
 from snakegen.errors import AnalysisError
 from snakegen.kernels.screw import follow
@@ -23,6 +32,7 @@ from snakegen.paths import (
     square,
     waypoints,
 )
+from snakegen.robot import from_urdf_text
 from snakegen.screw_motion import (
     ScrewGeometry,
     direction_cone,
@@ -33,6 +43,7 @@ from snakegen.screw_motion import (
     slip_sensitivity,
     state_rate,
 )
+from snakegen.screw_robot import drive_geometry
 from snakegen.screw_singularity import drive_hold, search_hold
 from snakegen.verify.screw_plant import drive_kinematic
 
@@ -117,7 +128,7 @@ def test_bare_links_and_uneven_lengths():
             step[k] += 1e-30j
             speed = place(step, i)[0].imag / 1e-30
             assert np.isclose(rows[i, k], turn(1.0, 0.0, heading + g.alpha[i]) @ speed, atol=1e-12)
-    hold = search_hold(g, np.full(4, -0.7), np.full(4, 0.7), samples=256, starts=8)
+    hold = search_hold(g, np.full(4, -0.7), np.full(4, 0.7), samples=256, starts=8, budget=2000)
     assert hold.weakest.sigma[-1] <= np.linalg.svd(g.rows(w[3:] * 0, g.scale))[1][-1]
 
 
@@ -165,9 +176,9 @@ PATHS = [
 @pytest.mark.parametrize("path", PATHS)
 def test_every_joint_lies_on_the_path_behind_the_one_before(path):
     links = np.array([0.226, 0.3, 0.15, 0.2])
-    dense = np.linspace(-1.5, path_length(path) + 0.5, 200_001)
+    dense = np.linspace(-1.5, path_length(path) + 0.5, 60_001)
     on_path = path_points(path, dense)[:, :2]
-    for s in np.linspace(-0.3, path_length(path) + 0.4, 8):
+    for s in np.linspace(-0.3, path_length(path) + 0.4, 5):
         w = follow_the_leader(path, s, links)
         psi = np.cumsum(w[2:])
         nodes = w[:2] + np.vstack(
@@ -184,7 +195,7 @@ def test_every_joint_lies_on_the_path_behind_the_one_before(path):
             while math.dist(on_path[k], origin) < chord:
                 k -= 1
             at = dense[k] + (math.dist(on_path[k], origin) - chord)
-            assert math.dist(path_points(path, [at])[0, :2], node) < 2e-5
+            assert math.dist(path_points(path, [at])[0, :2], node) < 5e-5
 
 
 @settings(max_examples=60, deadline=None)
@@ -361,7 +372,7 @@ def test_singular_shapes_are_found_and_described():
     nearly = np.radians(
         [88.0, 88.0, 88.0]
     )  # a family at (any, ±86…87°, ∓88°): all ±90° is not first
-    assert search_hold(hara_chain(alternating(4)), -nearly, nearly, starts=60).singular
+    assert search_hold(hara_chain(alternating(4)), -nearly, nearly, starts=40).singular
     three = search_hold(hara_chain(alternating(3)), -right[:2], right[:2], samples=512)
     assert any(h.kind == "concurrent axles" for h in three.singular)
     first = min(np.abs(h.shape).max() for h in three.singular)
@@ -447,3 +458,42 @@ def test_fixed_shape_radius_against_brute_force():
     assert np.isclose(fixed_shape_radius(g, shape, speed, limit), brute, rtol=1e-3)
     assert fixed_shape_radius(g, shape, 10.0, limit) == math.inf
     assert fixed_shape_radius(hara_chain((0.7,) * 4), np.zeros(3), speed, limit) == math.inf
+
+
+def test_analysis_reads_the_drive_from_a_urdf():
+    robot = from_urdf_text(drive_urdf(ALPHA), None)
+    assert applies(robot)
+    found, wanted = drive_geometry(robot), hara_chain(ALPHA)
+    assert found.link == wanted.link and np.allclose(found.alpha, wanted.alpha)
+    assert np.allclose(found.offset, wanted.offset) and np.allclose(found.lengths, wanted.lengths)
+    posture = {"joint1_yaw": 0.3, "joint3_yaw": -0.2, "joint2_pitch": 0.1}
+    result = analyze(robot, robot.configuration(posture))
+    assert np.allclose(result.hold.shape, [0.3, 0.0, -0.2]) and np.isclose(result.pitch, 0.1)
+    A, _ = constraint_matrices([0, 0, 0, 0.3, 0, -0.2], ALPHA, *PAPER)
+    sigma = np.linalg.svd(A[:4, :3] / [1, 1, 0.226], compute_uv=False)
+    assert np.allclose(result.hold.sigma, sigma)
+    demand = path_demand(wanted, l_crank(), 0.125, 6.0, 1.0, 0.7854)
+    assert np.isclose(result.demand.fastest, demand.fastest)
+    data = json.loads(json.dumps(result.to_json(), allow_nan=False))
+    assert data["units"] == 4 and data["rank"] == 3 and data["certified_sigma"] > 0.1
+    assert any("5.7°" in text for _, text in result.rows())
+    with pytest.raises(AnalysisError, match="Did you mean 'lcrank'"):
+        analyze(robot, robot.configuration(), path="lcrnk")
+
+
+def test_report_names_what_is_wrong_with_a_drive():
+    def report(alpha, path=(("line", 1.0),), limit=math.pi / 4):
+        span = np.full(len(alpha) - 1, limit)
+        return examine(hara_chain(alpha), 0 * span, -span, span, path)
+
+    one_hand = report((math.pi / 4,) * 4)
+    assert "one hand" in one_hand.warnings[0] and one_hand.hold.kind == "parallel axles"
+    assert one_hand.search.singular and one_hand.fixed_radius == math.inf
+    dead = report((math.pi / 4, 0.0, math.pi / 4, -math.pi / 4))
+    assert dead.dead == (2,) and dead.demand is None and "unit 2" in dead.refusal
+    assert json.dumps(dead.to_json(), allow_nan=False)
+    two = report(alternating(2))
+    assert any("needs 3" in text for text in two.warnings)
+    tight = report(alternating(4), (("arc", 3.0, 0.2),))
+    assert tight.demand is None and "45.0°" in tight.refusal
+    assert tight.following_radius > 0.2 and ("path", tight.refusal) in tight.rows()
