@@ -73,14 +73,11 @@ def snapshot(
 def _draw_with_viewer(path: Path, png: Path, at: float, size: tuple[int, int]) -> None:
     with tempfile.TemporaryDirectory() as folder, _viewer(size) as client:
         shot, started = Path(folder) / "shot.png", clock.monotonic()
-        try:
-            _wait_loaded(client, client.open(str(path.resolve())))
-            client.set_time(TIMELINE, duration=at, play_state="paused")
-            client.save_screenshot(str(shot))  # makes it load what this instant shows
-            clock.sleep(max(0.3, started + NOTES_GONE - clock.monotonic()))
-            client.save_screenshot(str(shot))
-        except (RuntimeError, ValueError, ConnectionError) as error:
-            raise LogError(f"the viewer could not draw {path}: {error}") from None
+        _wait_loaded(client, client.open(str(path.resolve())))
+        client.set_time(TIMELINE, duration=at, play_state="paused")
+        client.save_screenshot(str(shot))  # makes it load what this instant shows
+        clock.sleep(max(0.3, started + NOTES_GONE - clock.monotonic()))
+        client.save_screenshot(str(shot))
         if not shot.is_file():
             raise LogError(f"the viewer drew no picture of {path}")
         try:
@@ -113,6 +110,11 @@ def _viewer(size: tuple[int, int]) -> Iterator[Any]:
         process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
         try:
             yield _connected(process, ViewerClient, f"rerun+http://127.0.0.1:{port}/proxy", output)
+        except (RuntimeError, ValueError, ConnectionError) as error:
+            # Without a driver it answers first and dies at its first frame.
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(2.0)
+            raise LogError(_complaint(process, output) or f"rerun's viewer: {error}") from None
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGTERM)
@@ -126,22 +128,30 @@ def _viewer(size: tuple[int, int]) -> Iterator[Any]:
 def _connected(process: Any, client: Any, url: str, output: Any) -> Any:
     until = clock.monotonic() + STARTING
     while clock.monotonic() < until:
-        if process.poll() is not None:
-            output.seek(0)
-            text = output.read().decode(errors="replace")
-            if "adapter" in text:
-                raise LogError(
-                    "rerun's viewer found no graphics adapter; Debian's mesa-vulkan-drivers and "
-                    "libvulkan1 give it a software one"
-                )
-            last = text.strip().splitlines()[-1:] or ["it said nothing"]
-            raise LogError(f"rerun's viewer did not start: {last[0]}")
+        complaint = _complaint(process, output)
+        if complaint:
+            raise LogError(complaint)
         with contextlib.suppress(Exception):  # it is not listening yet
             viewer = client.connect(url)
             viewer.get_state()
             return viewer
         clock.sleep(0.1)
     raise LogError(f"rerun's viewer did not answer within {STARTING:.0f} s")
+
+
+def _complaint(process: Any, output: Any) -> str:
+    """Returns why the viewer ended, in one line; nothing while it runs."""
+    if process.poll() is None:
+        return ""
+    output.seek(0)
+    text = output.read().decode(errors="replace")
+    if "No graphics adapter" in text or "render context" in text:
+        return (
+            "rerun's viewer found no graphics driver that serves it; Debian's mesa-vulkan-drivers and "
+            "libvulkan1 give it a software one"
+        )
+    last = text.strip().splitlines()[-1:] or ["it said nothing"]
+    return f"rerun's viewer ended: {last[0]}"
 
 
 def _free_port() -> int:
