@@ -57,7 +57,8 @@ def _world(recording: Recording, view: Scene) -> Any:
     import rerun.blueprint as rrb
 
     away = np.array([-0.55, -1.0, 0.5])
-    eye = view.center + 1.8 * view.radius * away / np.linalg.norm(away)
+    # far enough for the arrows of thrust, which stand out of the body
+    eye = view.center + 2.2 * view.radius * away / np.linalg.norm(away)
     title = " · ".join(
         str(recording.meta[k]) for k in ("robot", "mission", "mode") if recording.meta.get(k)
     )

@@ -147,8 +147,8 @@ def _complaint(process: Any, output: Any) -> str:
     text = output.read().decode(errors="replace")
     if "No graphics adapter" in text or "render context" in text:
         return (
-            "rerun's viewer found no graphics driver that serves it; Debian's mesa-vulkan-drivers and "
-            "libvulkan1 give it a software one"
+            "rerun's viewer found no graphics driver that serves it; Debian's "
+            "mesa-vulkan-drivers and libvulkan1 give it a software one"
         )
     last = text.strip().splitlines()[-1:] or ["it said nothing"]
     return f"rerun's viewer ended: {last[0]}"
