@@ -182,6 +182,20 @@ def test_bad_questions_are_refused(arm, bent, given, words):
         reach.analyze(arm, bent, **given)
 
 
+def test_a_path_comes_from_a_table(arm, bent, tmp_path):
+    path = a_circle(arm, bent, duration=1.0)
+    file = tmp_path / "path.csv"
+    np.savetxt(file, path, delimiter=",", fmt="%.17g")
+    want = reach.analyze(arm, bent, path=path)
+    got = reach.analyze(arm, bent, path=str(file), port="1.0,0,0,1,0,0,1.0")
+    np.testing.assert_array_equal(got.track.error < 2e-6, want.track.error < 2e-6)
+    assert got.track.clearance > 0 and "port" in dict(got.rows())
+    for text, words in (("1,2,x\n", "CSV"), ("1,2,nan\n1,2,3\n", "NaN"), ("1,2\n3,4\n", "needed")):
+        file.write_text(text)
+        with pytest.raises(AnalysisError, match=words):
+            reach.analyze(arm, bent, path=str(file))
+
+
 def test_a_planted_fault_is_seen(arm, bent, monkeypatch):
     """A Jacobian 20 % too long must break the closed loop's tenth of a millimetre."""
     from snakegen.kinetostatics import follow as module

@@ -247,6 +247,19 @@ def test_worst_posture_is_worse_than_random_ones(robots):
     assert np.max(np.abs(tau) / 40.0) == pytest.approx(found["use"], rel=1e-9)
 
 
+def test_rows_name_the_hardest_joint_first_and_text_options_read_as_numbers(robots):
+    robot = robots["arm6"]
+    result = analyze(robot, np.zeros(12), wrenches="link7=0,0,-20,0,0,0", gravity="0,0,0")
+    rows = result.rows()
+    assert rows[1] == ("joint1_pitch", "-21.8 N·m of 40 (54.5 %)")  # 20 N at 5 x 0.218 m
+    assert ("no load", "7 joints") in rows  # the yaws, and joint 6 whose axis the force meets
+    over = analyze(robot, np.zeros(12), wrenches="link7=0,0,-100,0,0,0")
+    assert over.overloaded[0] == "joint1_pitch" and over.tip_load.payload == 0.0
+    assert "overloaded" in dict(over.rows())
+    with pytest.raises(AnalysisError, match="write link="):
+        analyze(robot, np.zeros(12), wrenches="link7")
+
+
 @pytest.mark.parametrize(
     ("given", "error", "words"),
     [

@@ -5,7 +5,6 @@ The paper prints neither radius nor phase: both are parameters.
 """
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,11 +15,22 @@ from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
 from snakegen.kernels.cables import Holes, back_substitute, balance, lengths_and_rates
 from snakegen.kernels.tree import Ints
-from snakegen.kinetostatics.law import DOWN, finite, joint_torques
+from snakegen.kinetostatics.law import DOWN, Wrenches, finite, joint_torques
 from snakegen.robot import Robot
 
-NAME = "cables"
-SUMMARY = "cable tensions that hold a posture"
+COMMAND = "cables"
+ORDER = 75
+OPTIONS = {
+    "count": [3, "cables a segment, three or more"],
+    "radius": [0.03, "m, of the circle of holes"],
+    "phase": [0.0, "rad, of the first hole from y towards z"],
+    "standoff": [0.02, "m, from a joint to the holes on either side"],
+    "sheathed": [False, "cables start at their own joint instead of running through all before"],
+    "minimum": [5.0, "N, least tension"],
+    "maximum": [1e9, "N, highest tension"],
+    "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
+    "gravity": ["0,0,-9.81", "m/s², world; 0,0,0 for none"],
+}
 _GROUP = re.compile(r"(joint\d+)_(?:pitch|yaw|roll)")
 
 
@@ -74,6 +84,15 @@ class CablesResult:
         """Tells whether the cables hold the posture."""
         return bool(_balanced(self.shortage, self.torque))
 
+    def rows(self) -> list[tuple[str, str]]:
+        """Returns (label, text) pairs for people: tensions segment by segment."""
+        out = [("cables", self.why)]
+        parts: dict[str, list[float]] = {}
+        for name, t in zip(self.names, self.tension, strict=True):
+            parts.setdefault(name.split("_")[0].replace("cable", "segment "), []).append(t)
+        out += [(k, " ".join(f"{t:.4g}" for t in ts) + " N") for k, ts in parts.items()]
+        return out
+
     def to_json(self) -> dict[str, Any]:
         """Returns plain data; keys carry units."""
         return {
@@ -89,7 +108,7 @@ class CablesResult:
 
 
 def applies(robot: Robot) -> bool:
-    """Tells whether the robot is an arm: a chain on a fixed base."""
+    """An arm: a chain on a fixed base."""
     return not robot.floating and len(robot.chain_joints) > 0
 
 
@@ -153,20 +172,26 @@ def analyze(
     *,
     routing: Routing | None = None,
     torque: ArrayLike | None = None,
-    wrenches: Mapping[str, ArrayLike] | None = None,
+    wrenches: Wrenches = None,
     gravity: ArrayLike = DOWN,
     minimum: float = 5.0,
     maximum: float = np.inf,
+    count: int = 3,
+    radius: float = 0.03,
+    phase: float = 0.0,
+    standoff: float = 0.02,
+    sheathed: bool = False,
 ) -> CablesResult:
     """Returns the least cable tensions that give the joints the torques that a posture needs.
 
     Args:
         robot: an arm.
         q: (nq,) posture.
-        routing: from `route`; its defaults if absent.
+        routing: from `route`; made from `count` … `sheathed` if absent.
         torque: (n,) N m of the chain joints; the static ones of gravity and `wrenches` if absent.
         wrenches, gravity: as in `joint_torques`.
         minimum, maximum: N, tension limits.
+        count, radius, phase, standoff, sheathed: as in `route`; sheathed is not coupled.
 
     Raises:
         AnalysisError: not an arm, wrong shapes, NaN, minimum above maximum.
@@ -176,7 +201,15 @@ def analyze(
     if not 0 <= minimum <= maximum or not np.isfinite(minimum):
         raise AnalysisError(f"tensions {minimum:g} … {maximum:g} N are no range above 0.")
     q = robot.check_q(q)
-    routing = routing or route(robot)
+    if routing is None:
+        routing = route(
+            robot,
+            count=count,
+            radius=radius,
+            phase=phase,
+            standoff=standoff,
+            coupled=not sheathed,
+        )
     names = [n for group in routing.segments for n in group]
     index = np.array([robot.body_of_joint(n) - 1 for n in names], int)
     if torque is None:

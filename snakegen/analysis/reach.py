@@ -24,13 +24,26 @@ from snakegen.kinetostatics.follow import (
     reach_point,
 )
 from snakegen.kinetostatics.law import finite
+from snakegen.kinetostatics.paths import checked_path, circle, port, port_of
 from snakegen.kinetostatics.tip import find_tip
 from snakegen.robot import Robot
 
 __all__ = ["Options", "Port", "ReachResult", "analyze", "applies", "circle", "port"]
 
-NAME = "reach"
-SUMMARY = "where the tip can go and how well it follows a path"
+COMMAND = "reach"
+ORDER = 70
+OPTIONS = {
+    "path": [None, "CSV of x,y,z [m] from the base origin, a row every dt; a circle if absent"],
+    "radius": [0.05, "m, of the circle"],
+    "duration": [10.0, "s, once round"],
+    "dt": [0.01, "s, between samples"],
+    "gain": [10.0, "1/s, of the closed loop; 0 integrates open loop and drifts"],
+    "corrections": [1, "Newton steps after each sample at most"],
+    "give_up": [0.001, "m, tip error at which the path counts as lost"],
+    "port": [None, "x,y,z,ax,ay,az,radius: an opening that the body must pass"],
+    "tip": [None, "link that carries the tip; the last one if absent"],
+    "tip_point": [None, "x,y,z of the tip on that link, m"],
+}
 
 
 @dataclass(frozen=True)
@@ -66,6 +79,23 @@ class ReachResult:
         """Tells whether the whole path was followed."""
         return self.track is not None and self.track.complete
 
+    def rows(self) -> list[tuple[str, str]]:
+        """Returns (label, text) pairs for people."""
+        x = " ".join(f"{v:+.4f}" for v in self.tip)
+        gone = " and ".join("[" + " ".join(f"{v + 0.0:.2f}" for v in u) + "]" for u in self.lost.T)
+        out = [
+            ("tip", f"{x} m from the base; {self.reach:.4g} m of chain beyond the first joint"),
+            ("rank", f"{self.rank} of 3" + (f"; it cannot move along {gone}" if gone else "")),
+            ("path", self.why),
+        ]
+        if self.track is not None:
+            e = 1e3 * self.track.error
+            rms = float(np.sqrt(np.mean(e**2)))
+            out.append(("tip error", f"{e.max():.3g} mm at most, {rms:.3g} mm RMS"))
+            if np.isfinite(self.track.clearance):
+                out.append(("port", f"{1e3 * self.track.clearance:.3g} mm of room at least"))
+        return out
+
     def to_json(self) -> dict[str, Any]:
         """Returns plain data; keys carry units."""
         track = self.track
@@ -100,38 +130,8 @@ class ReachResult:
 
 
 def applies(robot: Robot) -> bool:
-    """Tells whether the robot has a chain whose tip can be led."""
-    return len(robot.chain_joints) > 0
-
-
-def circle(
-    centre: ArrayLike, radius: float, normal: ArrayLike, duration: float, dt: float = 0.01
-) -> Floats:
-    """Returns a circle (m, 3) [m], once round in `duration` [s], at rest at its ends.
-
-    Raises:
-        AnalysisError: a radius or duration that is not positive, a normal of length 0.
-    """
-    n = finite(normal, (3,), "normal")
-    if not (radius > 0 and duration > 0 and dt > 0 and np.linalg.norm(n) > 0):
-        raise AnalysisError("circle: radius, duration and dt above 0 and a normal are needed.")
-    first, second = np.linalg.svd(n[None])[2][1:]
-    t = np.linspace(0.0, 1.0, max(int(round(duration / dt)), 2) + 1)
-    angle = 2 * np.pi * t**3 * (10 - 15 * t + 6 * t * t)  # rate and acceleration vanish at the ends
-    ring = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
-    return np.asarray(finite(centre, (3,), "centre") + radius * ring)
-
-
-def port(centre: ArrayLike, axis: ArrayLike, radius: float) -> Port:
-    """Returns an opening the body must pass, its axis pointing inwards.
-
-    Raises:
-        AnalysisError: an axis of length 0, a radius that is not positive.
-    """
-    a = finite(axis, (3,), "port axis")
-    if not (np.linalg.norm(a) > 0 and radius > 0):
-        raise AnalysisError("port: an axis and a radius above 0 are needed.")
-    return Port(finite(centre, (3,), "port centre"), a / np.linalg.norm(a), float(radius))
+    """An arm: a chain on a fixed base."""
+    return not robot.floating and len(robot.chain_joints) > 0
 
 
 def analyze(
@@ -144,6 +144,11 @@ def analyze(
     options: Options | None = None,
     radius: float = 0.05,
     duration: float = 10.0,
+    dt: float = 0.01,
+    gain: float = 10.0,
+    corrections: int = 1,
+    give_up: float = 1e-3,
+    port: Port | str | None = None,
 ) -> ReachResult:
     """Returns what the tip can reach, and what becomes of a path that it is to follow.
 
@@ -153,23 +158,26 @@ def analyze(
     Args:
         robot: any robot with a chain joint.
         q: (nq,) posture it starts from; the tip first goes to the path's first point.
-        path: (m, 3) m from the base origin, world axes, a sample every `options.dt`.
+        path: (m, 3) m from the base origin, world axes, a sample every dt; or a CSV file of it.
         tip, tip_point: link and point (m, link axes) that follows; the last link's end if absent.
-        options: the loop; its defaults close it at 10/s and 10 ms.
+        options: the loop; made from `dt` … `port` if absent.
         radius, duration: m and s, of the circle.
+        dt, gain, corrections, give_up: as in `Options`.
+        port: from `port`, or its seven numbers as text.
 
     Raises:
         AnalysisError: no chain joint, a path or option that is none.
     """
-    if not applies(robot):
-        raise AnalysisError(f"{robot.name} has no chain joint: its tip cannot be led.")
     q = robot.check_q(q)
     chain = chain_of(robot, q, find_tip(robot, tip, tip_point))
-    loop = _checked_options(options or Options(), len(chain.joints))
+    if options is None:
+        gate = port_of(port)
+        options = Options(dt, gain, corrections, give_up=give_up, port=gate)
+    loop = _checked_options(options, len(chain.joints))
     full = robot.angles(q)
     start, J = place(chain, full)
     first, whole = _stretched(chain)
-    given = _checked_path(path) if path is not None else None
+    given = checked_path(path) if path is not None else None
     if given is None:
         given = _default_circle(chain, full, start, radius, duration, loop)
     u, s, _ = np.linalg.svd(J)
@@ -253,14 +261,6 @@ def _why(
     near = track is None or track.sigma[-1, -1] < floor
     where = "too near a singular posture" if near else "no step inside the joint limits goes on"
     return f"{begin}: {where}"
-
-
-def _checked_path(path: ArrayLike) -> Floats:
-    """Returns a path as (m, 3) m with m ≥ 2 finite points."""
-    out = np.asarray(path, float)
-    if out.ndim != 2 or out.shape[1] != 3 or len(out) < 2:
-        raise AnalysisError(f"path: shape {out.shape} given, (m, 3) with m ≥ 2 needed.")
-    return finite(out, out.shape, "path")
 
 
 def _checked_options(options: Options, count: int) -> Options:

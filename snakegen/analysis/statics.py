@@ -16,6 +16,7 @@ from snakegen.kernels.dynamics import DEPTHS, EXTERNAL, TERMS
 from snakegen.kinetostatics.law import (
     DOWN,
     Depth,
+    Wrenches,
     joint_torques,
     torque_terms,
     twist_matrix,
@@ -27,8 +28,21 @@ from snakegen.robot import Robot
 
 __all__ = ["StaticsResult", "analyze", "applies", "joint_torques", "twist_matrix", "worst_posture"]
 
-NAME = "statics"
-SUMMARY = "joint torques, what they consist of, and what the tip can bear"
+COMMAND = "statics"
+ORDER = 60
+OPTIONS = {
+    "terms": ["full", "depth: static, quasi_static or full (the three agree at rest)"],
+    "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
+    "gravity": ["0,0,-9.81", "m/s², world; 0,0,0 for none"],
+    "hold": ["auto", "what carries the weight: base, hover or auto"],
+    "thrust": [None, "N per rotor, comma-separated, instead of the hover's"],
+    "v": [None, "joint (and base) velocities, comma-separated"],
+    "a": [None, "joint (and base) accelerations, comma-separated"],
+    "tip": [None, "link that carries the tip; the last one if absent"],
+    "tip_point": [None, "x,y,z of the tip on that link, m"],
+    "direction": ["0,0,-1", "direction in which the payload pulls"],
+    "worst": [False, "search the hardest posture inside the joint limits"],
+}
 
 
 @dataclass(frozen=True)
@@ -76,6 +90,46 @@ class StaticsResult:
         """Names of the joints whose servo is too weak."""
         return tuple(n for n, u in zip(self.joints, self.use, strict=True) if u > 1.0)
 
+    def rows(self) -> list[tuple[str, str]]:
+        """Returns (label, text) pairs for people: hardest joints first."""
+        by = {"base": "base held", "hover": "vectored thrust in hover", "thrust": "thrust as given"}
+        loaded = np.flatnonzero(self.use > 1e-9)
+        order = loaded[np.argsort(-self.use[loaded], kind="stable")]
+        out = [("support", by[self.support])]
+        for i in order[:_SHOWN]:
+            what = f"{self.torque[i]:+.4g} N·m of {self.limit[i]:.4g} ({100 * self.use[i]:.3g} %)"
+            out.append((self.joints[i], what))
+        if len(order) > _SHOWN:
+            out.append(("", f"and {len(order) - _SHOWN} joints with less"))
+        if len(order) < len(self.joints):
+            out.append(("no load", f"{len(self.joints) - len(order)} joints"))
+        shares = [f"{k} {100 * x:.3g} %" for k, x in self.share.items() if x > 0]
+        out.append(("consists of", ", ".join(shares) or "nothing: no load"))
+        if self.overloaded:
+            out.append(("overloaded", ", ".join(self.overloaded)))
+        if self.tip_load is not None:
+            out += self._tip_rows(self.tip_load)
+        if self.worst is not None:
+            angles = ", ".join(f"{k} {x:.2f}" for k, x in self.worst["posture"].items())
+            use = f"{100 * self.worst['use']:.3g} % of {self.worst['joint']}"
+            out.append(("worst posture", f"{use} at {angles}"))
+        return out
+
+    def _tip_rows(self, load: TipLoad) -> list[tuple[str, str]]:
+        """Returns the rows about the tip."""
+        if load.payload == 0.0:
+            return [("tip", f"on {self.tip[0]}: nothing more, a joint is overloaded already")]
+        every = f"{load.force_radius:.4g} N in every direction (limit: {load.force_joint})"
+        blind = "; a pull along " + " and ".join(
+            "[" + " ".join(f"{x + 0.0:.2f}" for x in u) + "]" for u in load.free.T
+        )
+        sag = f"{1e3 * float(np.linalg.norm(load.sag)):.3g} mm by its servos"
+        return [
+            ("tip bears", every + (f"{blind} loads no joint" if load.free.size else "")),
+            ("tip carries", "any weight" if np.isinf(load.payload) else f"{load.payload:.4g} kg"),
+            ("tip gives way", sag),
+        ]
+
     def to_json(self) -> dict[str, Any]:
         """Returns plain data; keys carry units, infinite values are null."""
         load = self.tip_load
@@ -100,8 +154,11 @@ class StaticsResult:
         }
 
 
+_SHOWN = 12  # joints in a table; a longer robot shows its hardest
+
+
 def applies(robot: Robot) -> bool:
-    """Tells whether the robot has a joint to speak of."""
+    """A robot with a joint."""
     return len(robot.joint_names) > 0
 
 
@@ -111,7 +168,7 @@ def analyze(
     *,
     v: ArrayLike | None = None,
     a: ArrayLike | None = None,
-    wrenches: Mapping[str, ArrayLike] | None = None,
+    wrenches: Wrenches = None,
     gravity: ArrayLike = DOWN,
     terms: Depth = "full",
     hold: Literal["auto", "base", "hover"] = "auto",

@@ -12,6 +12,8 @@ from snakegen.kernels.twist import tip_jacobian
 from snakegen.kinetostatics.tip import Tip
 from snakegen.robot import Robot
 
+_PORT_STEP = 0.02  # rad, largest joint step on the port's behalf
+
 
 @dataclass(frozen=True)
 class Port:
@@ -196,7 +198,7 @@ def follow(chain: Chain, full: Floats, path: Floats, options: Options) -> Track:
             feed = path[i] - path[i - 1]
             e = feed + options.gain * options.dt * (path[i - 1] - position)
             drift = options.pull * options.dt * (wish - full[chain.joints])
-            held = _move(chain, full, J, e, drift, options)
+            held = _move(chain, full, J, e, drift, options, options.port)
             for _ in range(options.corrections):
                 position, J = place(chain, full)
                 if np.linalg.norm(target - position) <= options.tolerance:
@@ -233,21 +235,29 @@ def _wish(chain: Chain, options: Options) -> Floats:
 
 
 def _move(
-    chain: Chain, full: Floats, J: Floats, e: Floats, wish: Floats, options: Options
+    chain: Chain,
+    full: Floats,
+    J: Floats,
+    e: Floats,
+    wish: Floats,
+    options: Options,
+    port: Port | None = None,
 ) -> Flags:
     """Moves `full` by one limited step; what the path leaves free serves the port, then `wish`.
 
     Returns the joints held at a limit (k,).
     """
     floor, most = options.floor * chain.scale, options.damping * chain.scale
-    if options.port is not None:
-        off, rows = _crossing(chain, full, options.port)
+    if port is not None:
+        off, rows = _crossing(chain, full, port)
         if len(off):
             inverse = damped_right_inverse(J, floor, most)[0]
             spare = np.eye(J.shape[1]) - inverse @ J
             taken = inverse @ e + spare @ wish
             pull = damped_right_inverse(rows @ spare, floor, most)[0]
-            wish = wish + pull @ (-0.5 * off - rows @ taken)
+            turn = pull @ (-0.2 * off - rows @ taken)
+            # A body far off the port comes in by and by: a long step would lose the path.
+            wish = wish + turn * min(1.0, _PORT_STEP / max(float(np.max(np.abs(turn))), 1e-12))
     at = full[chain.joints]
     below, above = np.minimum(chain.lower - at, 0.0), np.maximum(chain.upper - at, 0.0)
     step = limited_step(J, e, wish, below, above, floor, most)

@@ -21,6 +21,7 @@ from snakegen.kernels.twist import twist_columns
 from snakegen.robot import GRAVITY, Robot
 
 Depth = Literal["full", "quasi_static", "static"]
+Wrenches = Mapping[str, ArrayLike] | str | None
 DOWN = (0.0, 0.0, -GRAVITY)
 _CHAIN_JOINT = re.compile(r"(joint\d+)_(?:pitch|yaw|roll)")
 
@@ -48,7 +49,7 @@ def joint_torques(
     v: ArrayLike | None = None,
     a: ArrayLike | None = None,
     *,
-    wrenches: Mapping[str, ArrayLike] | None = None,
+    wrenches: Wrenches = None,
     terms: Depth = "full",
     gravity: ArrayLike = DOWN,
     thrust: ArrayLike | None = None,
@@ -86,7 +87,7 @@ def torque_terms(
     v: ArrayLike | None = None,
     a: ArrayLike | None = None,
     *,
-    wrenches: Mapping[str, ArrayLike] | None = None,
+    wrenches: Wrenches = None,
     gravity: ArrayLike = DOWN,
     thrust: ArrayLike | None = None,
     body_wrenches: Floats | None = None,
@@ -103,7 +104,7 @@ def torque_terms(
         v6[first:] = finite(v, (robot.model.nv,), "v")
     if a is not None:
         a6[first:] = finite(a, (robot.model.nv,), "a")
-    external = link_wrenches(robot, q, wrenches or {})
+    external = link_wrenches(robot, q, wrenches)
     if thrust is not None:
         external += rotor_wrenches(robot, q, thrust)
     if body_wrenches is not None:
@@ -122,7 +123,24 @@ def torque_terms(
     return np.asarray(rows[:, first:])
 
 
-def link_wrenches(robot: Robot, q: Floats, wrenches: Mapping[str, ArrayLike]) -> Floats:
+def named_wrenches(wrenches: Wrenches) -> Mapping[str, ArrayLike]:
+    """Returns wrenches by link name; reads text such as ``link4=0,0,-5,0,0,0; link2=1,0,0,0,0,0``.
+
+    Raises:
+        AnalysisError: text that does not read so.
+    """
+    if wrenches is None or not isinstance(wrenches, str):
+        return wrenches or {}
+    out: dict[str, ArrayLike] = {}
+    for item in filter(None, (part.strip() for part in wrenches.split(";"))):
+        link, equals, numbers = item.partition("=")
+        if not equals:
+            raise AnalysisError(f"wrench '{item}': write link=fx,fy,fz,tx,ty,tz.")
+        out[link.strip()] = numbers
+    return out
+
+
+def link_wrenches(robot: Robot, q: Floats, wrenches: Wrenches) -> Floats:
     """Returns wrenches given at link origins as (bodies, 6) at body origins, world axes.
 
     Raises:
@@ -130,27 +148,29 @@ def link_wrenches(robot: Robot, q: Floats, wrenches: Mapping[str, ArrayLike]) ->
         AnalysisError: wrong shape, NaN.
     """
     out = np.zeros((len(robot.tree.parent), 6))
-    if not wrenches:
+    given = named_wrenches(wrenches)
+    if not given:
         return out
     rotation, _ = _poses(robot, q)
-    for link, wrench in wrenches.items():
+    for link, wrench in given.items():
         w = finite(wrench, (6,), f"wrench on '{link}'")
         body, _, origin = robot.body_of_link(link)
         out[body] += move_wrench(w, rotation[body] @ origin)
     return out
 
 
-def link_loads(robot: Robot, wrenches: Mapping[str, ArrayLike]) -> Loads:
+def link_loads(robot: Robot, wrenches: Wrenches) -> Loads:
     """Returns wrenches given at link origins for `torques_batch`, where bodies move under them.
 
     Raises:
         DescriptionError: a link that does not exist; the near ones are named.
         AnalysisError: wrong shape, NaN.
     """
-    if not wrenches:
+    given = named_wrenches(wrenches)
+    if not given:
         return NO_LOADS
-    rows = [finite(w, (6,), f"wrench on '{link}'") for link, w in wrenches.items()]
-    placed = [robot.body_of_link(link) for link in wrenches]
+    rows = [finite(w, (6,), f"wrench on '{link}'") for link, w in given.items()]
+    placed = [robot.body_of_link(link) for link in given]
     bodies = np.array([p[0] for p in placed], np.int64)
     return Loads(bodies, np.array([p[2] for p in placed]), np.array(rows))
 
@@ -191,9 +211,14 @@ def segments(robot: Robot) -> Ints:
 
 
 def finite(value: ArrayLike, shape: tuple[int, ...], name: str) -> Floats:
-    """Returns `value` as float64 of `shape`, or raises AnalysisError with its name."""
+    """Returns `value` (numbers, or text such as "0,0,-9.81") as float64 of `shape`.
+
+    Raises:
+        AnalysisError: with `name`: no numbers, another shape, NaN or infinity.
+    """
     try:
-        out = np.array(value, dtype=float)
+        listed = value.split(",") if isinstance(value, str) else value
+        out = np.array(listed, dtype=float)
     except (TypeError, ValueError):
         raise AnalysisError(f"{name}: {value!r} is no array of numbers.") from None
     if out.shape != shape:

@@ -1,6 +1,5 @@
 """What holds a robot up while its joint torques are asked for: thrust in hover, or its base."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,7 +9,7 @@ from numpy.typing import ArrayLike
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats, move_wrench, skew
 from snakegen.kernels.chain import centre_of_gravity, forward
-from snakegen.kinetostatics.law import DOWN, finite, joint_torques, rotor_wrenches
+from snakegen.kinetostatics.law import DOWN, Wrenches, finite, joint_torques, rotor_wrenches
 from snakegen.robot import Robot
 
 Hold = Literal["auto", "base", "hover"]
@@ -51,7 +50,7 @@ def support(
         q: (nq,) posture.
         load: (6,) wrench that must be balanced, about the root's origin, world axes: weight and
             external wrenches, as they act on the robot.
-        hold: ``auto`` hovers if the robot floats and has apparatuses.
+        hold: ``auto`` hovers if the robot floats and its apparatuses can hold the load at all.
         thrust: (n_rotors,) N, taken instead.
 
     Raises:
@@ -82,6 +81,8 @@ def support(
     forces: Floats = np.linalg.lstsq(Q, target, rcond=1e-9)[0]
     missing = float(np.linalg.norm(Q @ forces - target))
     if missing > 1e-6 * max(float(np.linalg.norm(target)), 1e-9):
+        if hold == "auto":
+            return Support("base", np.zeros((bodies, 6)), np.zeros((0, 3)))
         raise AnalysisError(
             f"{robot.name}: its apparatus forces cannot hold this load in this posture "
             f"({missing:.3g} N are left); hold the base instead."
@@ -97,7 +98,7 @@ def hold_up(
     robot: Robot,
     q: Floats,
     *,
-    wrenches: Mapping[str, ArrayLike] | None = None,
+    wrenches: Wrenches = None,
     gravity: ArrayLike = DOWN,
     hold: Hold = "auto",
     thrust: ArrayLike | None = None,

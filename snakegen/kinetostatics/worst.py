@@ -1,6 +1,6 @@
 """The posture whose joints are loaded hardest: samples inside the limits, then local search."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
 from snakegen.kernels.dynamics import EXTERNAL, GRAVITY
 from snakegen.kernels.inverse_dynamics import torques_batch
-from snakegen.kinetostatics.law import DOWN, armature, finite, link_loads, torque_terms
+from snakegen.kinetostatics.law import DOWN, Wrenches, armature, finite, link_loads, torque_terms
 from snakegen.kinetostatics.support import Hold, hold_up
 from snakegen.robot import Robot
 
@@ -113,7 +113,7 @@ def worst_posture(
     robot: Robot,
     q: ArrayLike,
     *,
-    wrenches: Mapping[str, ArrayLike] | None = None,
+    wrenches: Wrenches = None,
     gravity: ArrayLike = DOWN,
     hold: Hold = "auto",
     samples: int = 1024,
@@ -167,12 +167,12 @@ def _held_torques(
     robot: Robot,
     q: Floats,
     names: Sequence[str],
-    wrenches: Mapping[str, ArrayLike] | None,
+    wrenches: Wrenches,
     gravity: ArrayLike,
 ) -> Torques:
     """Returns a function from (m, k) angles of joints `names` to their torques, base held."""
     index = np.array([robot.body_of_joint(n) - 1 for n in names], int)
-    loads, g = link_loads(robot, wrenches or {}), finite(gravity, (3,), "gravity")
+    loads, g = link_loads(robot, wrenches), finite(gravity, (3,), "gravity")
     base, start = robot.base_pose(q)[0], robot.angles(q)
 
     def torques(angles: Floats) -> Floats:
@@ -190,7 +190,7 @@ def _hover_torques(
     robot: Robot,
     q: Floats,
     names: Sequence[str],
-    wrenches: Mapping[str, ArrayLike] | None,
+    wrenches: Wrenches,
     gravity: ArrayLike,
 ) -> Torques:
     """Returns the same in hover; NaN where apparatus forces within their limits cannot hold."""

@@ -1,0 +1,61 @@
+"""Paths for a tip and ports for a body, checked: circles, tables, openings."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from snakegen.errors import AnalysisError
+from snakegen.geometry import Floats
+from snakegen.kinetostatics.follow import Port
+from snakegen.kinetostatics.law import finite
+
+
+def circle(
+    centre: ArrayLike, radius: float, normal: ArrayLike, duration: float, dt: float = 0.01
+) -> Floats:
+    """Returns a circle (m, 3) [m], once round in `duration` [s], at rest at its ends.
+
+    Raises:
+        AnalysisError: a radius or duration that is not positive, a normal of length 0.
+    """
+    n = finite(normal, (3,), "normal")
+    if not (radius > 0 and duration > 0 and dt > 0 and np.linalg.norm(n) > 0):
+        raise AnalysisError("circle: radius, duration and dt above 0 and a normal are needed.")
+    first, second = np.linalg.svd(n[None])[2][1:]
+    t = np.linspace(0.0, 1.0, max(int(round(duration / dt)), 2) + 1)
+    angle = 2 * np.pi * t**3 * (10 - 15 * t + 6 * t * t)  # rate and acceleration vanish at the ends
+    ring = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
+    return np.asarray(finite(centre, (3,), "centre") + radius * ring)
+
+
+def port(centre: ArrayLike, axis: ArrayLike, radius: float) -> Port:
+    """Returns an opening the body must pass, its axis pointing inwards.
+
+    Raises:
+        AnalysisError: an axis of length 0, a radius that is not positive.
+    """
+    a = finite(axis, (3,), "port axis")
+    if not (np.linalg.norm(a) > 0 and radius > 0):
+        raise AnalysisError("port: an axis and a radius above 0 are needed.")
+    return Port(finite(centre, (3,), "port centre"), a / np.linalg.norm(a), float(radius))
+
+
+def port_of(given: Port | str | None) -> Port | None:
+    """Returns a port from its seven numbers."""
+    if given is None or isinstance(given, Port):
+        return given
+    x = finite(given, (7,), "port")
+    return port(x[:3], x[3:6], float(x[6]))
+
+
+def checked_path(path: ArrayLike) -> Floats:
+    """Returns a path, or the CSV file of one, as (m, 3) m with m ≥ 2 finite points."""
+    if isinstance(path, str):
+        try:
+            path = np.loadtxt(path, delimiter=",", ndmin=2)
+        except (OSError, ValueError) as error:
+            why = str(error).rstrip(".")
+            raise AnalysisError(f"path: {why}; a CSV of x,y,z in metres is needed.") from None
+    out = np.asarray(path, float)
+    if out.ndim != 2 or out.shape[1] != 3 or len(out) < 2:
+        raise AnalysisError(f"path: shape {out.shape} given, (m, 3) with m ≥ 2 needed.")
+    return finite(out, out.shape, "path")
