@@ -180,6 +180,6 @@ def _descend(shape: Floats, known: tuple, low: Floats, high: Floats) -> Floats:
         jac=True,
         method="L-BFGS-B",
         bounds=list(zip(low, high, strict=True)),
-        options={"ftol": 0.0, "gtol": 1e-15, "maxiter": 300},
+        options={"ftol": 1e-17, "gtol": 1e-10, "maxiter": 300},
     )
     return np.ascontiguousarray(found.x)

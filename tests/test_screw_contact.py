@@ -133,7 +133,7 @@ def twist_errors(drive, alpha=ALPHA, duration=2.0):
 
 @pytest.mark.parametrize("rollers", ["ring_sphere", "ball"])
 def test_contact_gives_the_models_twist(rollers):
-    errors = twist_errors(plant(rollers))
+    errors = twist_errors(plant(rollers), duration=1.5)
     assert errors.mean() <= 0.01 and errors.max() <= 0.015, errors
 
 
@@ -158,12 +158,12 @@ def test_l_crank_in_contact(start):
 def test_square_in_contact_needs_feedback():
     reference = square(1.2, 0.2, 0.4, 3)
     law, drive = ScrewLaw(hara_chain(ALPHA), gain=(0.5, 0.5, 0.5, 0, 0, 0)), plant()
-    rmse = {}
-    for feedback in (True, False):
-        command = replace(law, feedback=feedback).command
-        run = drive_contact(command, reference, drive, np.zeros(6), reference.duration)
-        rmse[feedback] = run.position_rmse()
-    assert rmse[True] <= 0.012 and rmse[True] < 0.5 * rmse[False]
+    run = drive_contact(law.command, reference, drive, np.zeros(6), reference.duration)
+    assert run.position_rmse() <= 0.012
+    blind = replace(law, feedback=False).command
+    half = drive_contact(blind, reference, drive, np.zeros(6), reference.duration / 2)
+    steered = float(np.sqrt((run.error[: half.time.size, :2] ** 2).sum(axis=1).mean()))
+    assert steered < 0.5 * half.position_rmse()
 
 
 def test_units_share_the_weight_and_keep_within_their_cones():
