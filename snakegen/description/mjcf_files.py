@@ -1,14 +1,29 @@
 """MJCF on disk: bit-exact text, and deep chains split over files that MuJoCo can read back."""
 
 import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import mujoco
 
 from snakegen.errors import DescriptionError
 
-_DEEPEST = 400  # bodies nested in one file; MuJoCo's XML reader stops at 490
-_BODY = re.compile(r'^( *)<body name="([^"]+)"')
+DEEPEST = 400  # bodies nested in one file before the chain goes on in the next
+_ROOM = 80  # levels of a side branch that may still follow; MuJoCo's reader stops at 490
+_OPEN = re.compile(r'^( *)<body name="([^"]+)"[^>]*(?<!/)>$')
+_MODEL = re.compile(r'^<mujoco model="([^"]+)">$')
+
+
+@dataclass
+class _Body:
+    """A body in the text: its lines [start, stop), and the bodies nested right under it."""
+
+    name: str
+    start: int
+    stop: int = 0
+    children: list["_Body"] = field(default_factory=list)
+    height: int = 1  # levels of bodies, its own included
 
 
 def write(spec: mujoco.MjSpec, path: Path) -> None:
@@ -26,14 +41,105 @@ def load_model(path: Path) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_path(str(path))
 
 
-def split(text: str, name: str) -> dict[str, str]:
-    """Returns MJCF text by file name; bodies nested deeper than 400 go to files of their own.
+def split(text: str, name: str, deepest: int = DEEPEST) -> dict[str, str]:
+    """Returns MJCF text by file name; a chain nested deeper than `deepest` goes on in parts.
 
-    A part holds the sub-tree under its cut as a model; the file before it attaches that model.
-    Names do not change, because the prefix is empty.
+    A part is a model of the sub-tree under its cut, with the compiler settings and defaults
+    without which that would read differently. The file before it attaches the sub-tree where it
+    stood; the prefix is empty, so names, order and all that refers to them stay as they are.
+
+    Args:
+        text: as MjSpec writes it: two spaces a level, a tag's opening on one line.
+        name: of the first file, as in ``dragon4.xml``.
+        deepest: bodies nested in one file.
     """
-    lines = text.splitlines(keepends=True)
-    first = next((i for i, line in enumerate(lines) if _BODY.match(line)), None)
-    if first is None:
+    lines = text.splitlines()
+    cuts = [cut for root in _bodies(lines) for cut in _cuts(root, 1, deepest)]
+    if not cuts:
         return {name: text}
-    return {name: text}
+    stem = name.removesuffix(".xml")
+    parts = {cut.start: f"{stem}_part{k + 2}" for k, cut in enumerate(cuts)}
+    by_start = {cut.start: cut for cut in cuts}
+    found = (_MODEL.match(line) for line in lines)
+    model = next((m[1] for m in found if m), stem)
+    out = {name: _text(_with_models(_kept(lines, 0, len(lines), by_start, parts), parts.values()))}
+    shared = [*_section(lines, "compiler"), *_section(lines, "default")]
+    for cut in cuts:
+        indent = lines[cut.start].index("<") - 4
+        inside = _kept(lines, cut.start + 1, cut.stop, by_start, parts)
+        body = [line[indent:] for line in (lines[cut.start], *inside)]
+        head = f'<mujoco model="{model}_{parts[cut.start].removeprefix(stem + "_")}">'
+        whole = [head, *shared, "  <worldbody>", *body, "  </worldbody>", "</mujoco>"]
+        out[f"{parts[cut.start]}.xml"] = _text(whole)
+    return out
+
+
+def _text(lines: list[str]) -> str:
+    return "\n".join(lines) + "\n"
+
+
+def _bodies(lines: list[str]) -> list[_Body]:
+    """Returns the outermost bodies, each with the tree under it; no recursion, however deep."""
+    roots: list[_Body] = []
+    open_: list[_Body] = []
+    for number, line in enumerate(lines):
+        if match := _OPEN.match(line):
+            body = _Body(match[2], number)
+            (open_[-1].children if open_ else roots).append(body)
+            open_.append(body)
+        elif line.endswith("</body>") and open_:
+            done = open_.pop()
+            done.stop = number + 1
+            if open_:
+                open_[-1].height = max(open_[-1].height, done.height + 1)
+    return roots
+
+
+def _cuts(root: _Body, depth: int, deepest: int) -> Iterator[_Body]:
+    """Yields the bodies that begin a new file, from the root on."""
+    waiting = [(root, depth)]
+    while waiting:
+        body, level = waiting.pop()
+        if level > deepest and body.height > _ROOM:
+            yield body
+            level = 1
+        waiting += [(child, level + 1) for child in reversed(body.children)]
+
+
+def _kept(
+    lines: list[str], start: int, stop: int, cuts: Mapping[int, _Body], parts: Mapping[int, str]
+) -> list[str]:
+    """Returns lines [start, stop) with an ``<attach>`` in the place of each cut sub-tree."""
+    out = []
+    number = start
+    while number < stop:
+        cut = cuts.get(number)
+        if cut is None:
+            out.append(lines[number])
+            number += 1
+            continue
+        indent = " " * lines[number].index("<")
+        out.append(f'{indent}<attach model="{parts[number]}" body="{cut.name}" prefix=""/>')
+        number = cut.stop
+    return out
+
+
+def _section(lines: list[str], tag: str) -> list[str]:
+    """Returns the lines of a section right under ``<mujoco>``, and the blank line after it."""
+    for start, line in enumerate(lines):
+        if line.startswith(f"  <{tag}") and line.endswith("/>"):
+            return [line, ""]
+        if line == f"  <{tag}>":
+            stop = lines.index(f"  </{tag}>", start)
+            return [*lines[start : stop + 1], ""]
+    return []
+
+
+def _with_models(lines: list[str], parts: Iterable[str]) -> list[str]:
+    """Adds the parts to ``<asset>``, which MuJoCo must read before the bodies."""
+    models = [f'    <model name="{p}" file="{p}.xml"/>' for p in parts]
+    at = next((i for i, line in enumerate(lines) if line == "  <asset>"), None)
+    if at is not None:
+        return [*lines[: at + 1], *models, *lines[at + 1 :]]
+    body = lines.index("  <worldbody>")
+    return [*lines[:body], "  <asset>", *models, "  </asset>", "", *lines[body:]]
