@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 from snakegen import inertia
+from snakegen.places import Part, spell_out, spread
 
 if TYPE_CHECKING:
-    from snakegen.spec import Chain, Joint, Part, Payload, RobotSpec, VectoringApparatus
+    from snakegen.spec import Chain, Joint, Payload, RobotSpec, VectoringApparatus
 
 _CROSS_WIDTH = 0.05  # m, of the joint cross and the gimbal modules where no inertia is given
 
@@ -28,28 +29,22 @@ def resolve(spec: "RobotSpec") -> dict[str, Any]:
     for name, gains in spec.control.gain_sets.items():
         for key in ("vectoring_roll", "vectoring_pitch"):
             where = f"control.gain_sets.{name}.{key}"
-            values = _spread(getattr(gains, key), count, where, "apparatuses")
+            values = spread(getattr(gains, key), count, where, "apparatuses")
             out["control"]["gain_sets"][name][key] = values
     if spec.payload is not None:
         out["payload"] |= _payload(spec.payload, n)
     return out
 
 
-def _spread(value: Any, count: int, place: str, what: str) -> list[Any]:
-    from snakegen.spec import spread
-
-    return spread(value, count, place, what)
-
-
-def _lists(part: "Part", section: str, names: Iterable[str], count: int, what: str) -> dict:
-    return {k: _spread(getattr(part, k), count, f"{section}.{k}", what) for k in names}
+def _lists(part: Part, section: str, names: Iterable[str], count: int, what: str) -> dict:
+    return {k: spread(getattr(part, k), count, f"{section}.{k}", what) for k in names}
 
 
 def _inertias(
     given: Any, count: int, place: str, what: str, compute: Callable[[int], inertia.Diagonal]
 ) -> list[list[float]]:
     """Returns an inertia diagonal per item: the given one, checked, or the computed one."""
-    rows = _spread(given, count, place, what)
+    rows = spread(given, count, place, what)
     out = []
     for i, row in enumerate(rows):
         diagonal = compute(i) if row is None else tuple(row)
@@ -65,7 +60,7 @@ def _inertias(
 def _chain(chain: "Chain") -> dict[str, Any]:
     n = chain.links
     out = _lists(chain, "chain", ("length", "mass", "radius", "com"), n, "links")
-    walls = _spread(chain.wall, n, "chain.wall", "links")
+    walls = spread(chain.wall, n, "chain.wall", "links")
 
     def rod(i: int) -> inertia.Diagonal:
         wall = out["radius"][i] if walls[i] is None else walls[i]
@@ -81,7 +76,7 @@ def _chain(chain: "Chain") -> dict[str, Any]:
 def _joint(joint: "Joint", n: int) -> dict[str, Any]:
     names = ("gap", "mass", "upper", "effort", "velocity")
     out = _lists(joint, "joint", names, n, "joints") | {"axes": joint.axes_of(n)}
-    lower = _spread(joint.lower, n, "joint.lower", "joints")
+    lower = spread(joint.lower, n, "joint.lower", "joints")
     out["lower"] = [-u if low is None else low for low, u in zip(lower, out["upper"], strict=True)]
     for i, (low, high) in enumerate(zip(out["lower"], out["upper"], strict=True)):
         if low >= high:
@@ -118,8 +113,6 @@ _APPARATUS_LISTS = (
 
 def _apparatuses(part: "VectoringApparatus", links: int) -> dict[str, Any]:
     """Spells out the apparatuses, ordered from the root by link, then by position."""
-    from snakegen.spec import spell_out
-
     places = spell_out(part.at, links, "vectoring_apparatus.at")
     if not places:
         raise ValueError("vectoring_apparatus.at: empty; name a link, or leave the section out")
@@ -151,8 +144,6 @@ def _apparatuses(part: "VectoringApparatus", links: int) -> dict[str, Any]:
 
 
 def _payload(part: "Payload", links: int) -> dict[str, Any]:
-    from snakegen.spec import spell_out
-
     places = spell_out(part.at, links, "payload.at")
     n = len(places)
     out = _lists(part, "payload", ("mass", "offset", "radius"), n, "payloads")

@@ -4,49 +4,31 @@ A quantity of a link, joint or apparatus may be one value or a list with an entr
 spells every list out and computes what was left open; the templates read nothing else.
 """
 
-import re
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
+
+from snakegen.places import (
+    Diagonal,
+    Fraction,
+    NonNegative,
+    Part,
+    Places,
+    Positive,
+    Real,
+    Vector,
+    number,
+    spread,
+)
 
 MAX_LINKS = 1000
 Axis = Literal["roll", "pitch", "yaw"]
 
 
-def _number(value: Any) -> Any:
-    """Refuses booleans where a number is meant (YAML reads `yes` as true)."""
-    if isinstance(value, bool):
-        raise ValueError("a number is needed, not true or false")
-    return value
-
-
-Real = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False)]
-Positive = Annotated[Real, Field(gt=0)]
-NonNegative = Annotated[Real, Field(ge=0)]
-Fraction = Annotated[Real, Field(ge=0, le=1)]
-Diagonal = tuple[Positive, Positive, Positive]
-Vector = tuple[Real, Real, Real]
-
-
-class Part(BaseModel):
-    """A section of a spec: unknown fields are errors, values do not change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-def spread(value: Any, count: int, place: str, what: str) -> list[Any]:
-    """Returns `value` as a list of `count`: itself if it is a list of that length, else repeated."""
-    if isinstance(value, list):
-        if len(value) != count:
-            raise ValueError(f"{place}: {len(value)} entries for {count} {what}")
-        return list(value)
-    return [value] * count
-
-
 class Chain(Part):
     """N links in a row; link frames stand at the root end with x along the rod."""
 
-    links: Annotated[int, BeforeValidator(_number), Field(ge=1, le=MAX_LINKS)] = Field(
+    links: Annotated[int, BeforeValidator(number), Field(ge=1, le=MAX_LINKS)] = Field(
         description="number of links"
     )
     length: Positive | list[Positive] = Field(description="m, per link")
@@ -97,48 +79,6 @@ class Joint(Part):
         nested = not self.axes or isinstance(self.axes[0], list)
         per_joint = self.axes if nested else [list(self.axes)] * count
         return spread(list(per_joint), count, "joint.axes", "joints")
-
-
-class Place(Part):
-    """Where a module stands: link (from 1) and relative position on it."""
-
-    link: Annotated[int, BeforeValidator(_number), Field(ge=1)]
-    position: Fraction = 0.5
-
-
-_PLACE = re.compile(r"\s*(\d+)\s*(?:@\s*([0-9.eE+-]+)\s*)?")
-
-
-def place(item: Any) -> Any:
-    """Returns the `Place` fields of ``3``, ``"3@0.7"`` or a mapping; others pass through."""
-    if isinstance(item, int) and not isinstance(item, bool):
-        return {"link": item}
-    if isinstance(item, str):
-        match = _PLACE.fullmatch(item)
-        if not match:
-            raise ValueError(f"'{item}' is no place; write a link number, or link@position")
-        link, position = match.groups()
-        return {"link": int(link)} | ({"position": position} if position else {})
-    return item
-
-
-def _places(value: Any) -> Any:
-    if value == "all" or isinstance(value, (int, str)):
-        return value if value == "all" else [place(v) for v in str(value).split(",")]
-    return [place(v) for v in value] if isinstance(value, list) else value
-
-
-Places = Annotated[Literal["all"] | list[Place], BeforeValidator(_places)]
-
-
-def spell_out(at: Any, links: int, where: str) -> list[Place]:
-    """Returns the places of `at` ("all": the middle of every link); errors name the link."""
-    if at == "all":
-        return [Place(link=i + 1) for i in range(links)]
-    for p in at:
-        if p.link > links:
-            raise ValueError(f"{where}: link {p.link} does not exist; the chain has 1…{links}")
-    return list(at)
 
 
 class VectoringApparatus(Part):

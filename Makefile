@@ -1,0 +1,77 @@
+# snakegen: `make demo` shows it, `make test` proves it. Everything happens in .venv.
+
+VENV     := .venv
+BIN      := $(VENV)/bin
+OUT      := out/demo
+PRESETS  := $(notdir $(basename $(wildcard templates/presets/*.yaml)))
+EXAMPLES ?= 300
+
+# The first interpreter that runs and is new enough; PYTHON=/path/to/python3.12 overrides.
+NEW_ENOUGH := import sys; sys.exit(sys.version_info < (3, 11))
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
+	$$p -c "$(NEW_ENOUGH)" 2>/dev/null && echo $$p && break; done)
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test check format generated bench fuzz wheel clean
+
+help: ## list the targets
+	@grep -E '^[a-z]+:.*##' $(firstword $(MAKEFILE_LIST)) | sed -E 's/:.*## /\t/' | expand -t 12
+
+$(VENV)/bin/pip:
+	@test -n "$(PYTHON)" || { echo "Error: no Python 3.11 or newer found; say where: make demo PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@"$(PYTHON)" -c "$(NEW_ENOUGH)" 2>/dev/null || { echo "Error: $(PYTHON) is not Python 3.11 or newer." >&2; exit 1; }
+	@"$(PYTHON)" -m venv $(VENV) || { echo "Error: $(PYTHON) cannot make environments; install its venv module." >&2; rm -rf $(VENV); exit 1; }
+
+# Stamps: the environment is touched again only when pyproject.toml changes.
+$(VENV)/runtime.stamp: pyproject.toml | $(VENV)/bin/pip
+	@echo "installing snakegen into $(VENV), once" >&2
+	@$(BIN)/pip install -q --disable-pip-version-check -e .
+	@touch $@
+
+$(VENV)/dev.stamp: pyproject.toml | $(VENV)/bin/pip
+	@echo "installing snakegen and its development tools into $(VENV), once" >&2
+	@$(BIN)/pip install -q --disable-pip-version-check -e '.[dev]'
+	@touch $@ $(VENV)/runtime.stamp
+
+demo: $(VENV)/runtime.stamp ## build dragon4, analyse it, fly it; ends with the verdict
+	@mkdir -p $(OUT)
+	$(BIN)/snakegen build dragon4 -o $(OUT)
+	$(BIN)/snakegen analyze $(OUT)/dragon4.urdf --posture templates/presets/postures/dragon4.yaml --report $(OUT)/report.md
+	$(BIN)/snakegen analyze flight $(OUT)/dragon4.urdf --mission transform -o $(OUT)/transform.rrd > $(OUT)/flight.txt; code=$$?; \
+		sed '$$d' $(OUT)/flight.txt; \
+		printf 'report:  %s\npicture: %s\nlog:     %s\n' $(OUT)/report.md $(OUT)/dragon4.png $(OUT)/transform.rrd; \
+		tail -n 1 $(OUT)/flight.txt; exit $$code
+
+test: $(VENV)/dev.stamp ## run the tests
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
+
+check: $(VENV)/dev.stamp ## formatting, lint and types
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+format: $(VENV)/dev.stamp ## let ruff format the sources
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+generated: $(PRESETS:%=generated/%) ## rebuild the committed folder of every preset
+
+.PHONY: $(PRESETS:%=generated/%)
+$(PRESETS:%=generated/%): generated/%: $(VENV)/runtime.stamp
+	$(BIN)/snakegen build $* -o $@
+	$(BIN)/snakegen analyze $@/$*.urdf $(addprefix --posture ,$(wildcard templates/presets/postures/$*.yaml)) \
+		--report $@/report.md --json > $@/report.json.part
+	mv $@/report.json.part $@/report.json
+
+bench: $(VENV)/dev.stamp ## run the benchmarks, each against its rival
+	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+fuzz: $(VENV)/dev.stamp ## hypothesis with EXAMPLES cases a property (300)
+	SNAKEGEN_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n 2 -k "random or fuzz or hypothesis"
+
+wheel: $(VENV)/dev.stamp ## build the wheel into dist/
+	rm -rf dist
+	$(BIN)/python -m build --wheel -o dist
+
+clean: ## remove everything that can be made again, .venv too
+	rm -rf $(VENV) out dist build .pytest_cache .mypy_cache .ruff_cache .hypothesis
