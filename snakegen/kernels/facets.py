@@ -2,9 +2,9 @@
 
 Every facet normal d is orthogonal to a rank-(r-1) subset of the columns. Here is the null-space
 tree for any n and r, which eliminates one column a level, on rows
-``[d·a_1 … d·a_n | d·y | d·u | d]``: row operations carry products and normal together.
-(`gale` has the two quicker enumerations for common sizes.) With ``slack = ½ Σ|d·a_i| - |d·y|`` (both signs of d at once) the margins of THEORY A4 are
-slack/‖d‖ (wrench), slack/‖d_f‖ (force), slack/‖d_τ‖ (torque).
+``[d·a_1 … d·a_n | d·y | d·u | d]``: row operations carry products and normal together (`gale` has
+two quicker enumerations for common sizes). With ``slack = ½ Σ|d·a_i| - |d·y|`` (both signs of d at
+once) the margins of THEORY A4 are slack/‖d‖ (wrench), slack/‖d_f‖ (force), slack/‖d_τ‖ (torque).
 """
 
 import numpy as np

@@ -42,7 +42,7 @@ def _plane(points, facet, plane):
 
 
 @jit
-def _simplex(points, count, facets, planes):
+def simplex(points, count, facets, planes):
     """Starts the polytope with four far points; returns the number of facets, 0 if too flat."""
     first, second, far = 0, 0, -1.0
     for i in range(count):
@@ -76,7 +76,7 @@ def _simplex(points, count, facets, planes):
 
 
 @jit
-def _insert(points, new, facets, planes, count, edges, slack):
+def insert(points, new, facets, planes, count, edges, slack):
     """Adds point `new`: its visible facets give way to a fan; returns the new facet count."""
     x, y, z = points[new]
     open_edges, i = 0, 0
@@ -172,13 +172,13 @@ def radius(torque, p, limit, hover, frame, tolerance, work, worst):
         used += 1
         if upper < -1e-12 * size:
             return -np.inf, upper, used
-    count, first, second, third, fourth = _simplex(points, used, facets, planes)
+    count, first, second, third, fourth = simplex(points, used, facets, planes)
     if count == 0:
         return -np.inf, upper, used
     slack = 1e-13 * size
     for k in range(used):
         if k not in (first, second, third, fourth):
-            count = _insert(points, k, facets, planes, count, edges, slack)
+            count = insert(points, k, facets, planes, count, edges, slack)
     while True:
         weakest = int(np.argmin(planes[:count, 3]))
         lower = planes[weakest, 3]
@@ -195,4 +195,4 @@ def radius(torque, p, limit, hover, frame, tolerance, work, worst):
             return lower, upper, used
         directions[used], multipliers[used] = e, z
         used += 1
-        count = _insert(points, used - 1, facets, planes, count, edges, slack)
+        count = insert(points, used - 1, facets, planes, count, edges, slack)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from snakegen.errors import AnalysisError
 from snakegen.kernels import shoot, vectored
-from snakegen.margins import inputs
+from snakegen.margins import inputs, sector
 
 Floats = NDArray[np.float64]
 NAMES = ("wrench", "force", "torque")
@@ -232,6 +232,16 @@ def _refine(
         bounds[0, 0] = min(bounds[0, 0], bounds[0, 1])
 
 
+def _restrict(found: tuple[Floats, Floats], bounds: Floats, twists: Floats) -> None:
+    """Lowers the balls' upper bounds to the hull's where these are less, or hover is lost."""
+    upper, directions = found
+    for k in range(3):
+        if bounds[k, 1] > upper[k]:
+            bounds[k, 1], twists[k] = upper[k], directions[k]
+    if upper[0] < 0.0:
+        bounds[1:], twists[1:] = np.nan, np.nan
+
+
 def vectored_margins(
     points: ArrayLike,
     limits: ArrayLike,
@@ -240,6 +250,9 @@ def vectored_margins(
     force_scale: float,
     torque_scale: float,
     tolerance: float = 1e-3,
+    minimum: ArrayLike = 0.0,
+    gimbal_limits: ArrayLike | None = None,
+    rotations: ArrayLike | None = None,
     wrench_starts: int | None = None,
 ) -> VectoredMargins:
     """Returns certified margins of ``W = {Σ (f_j, p_j × f_j), ‖f_j‖ ≤ L_j}`` round hover.
@@ -255,6 +268,10 @@ def vectored_margins(
         hover_wrench: w0 = ``[m g Rᵀẑ; 0]``, (6,) or (m, 6), N and N·m.
         force_scale, torque_scale: F0 = m g, N, and T0 = m g · link length, N·m.
         tolerance: relative gap (upper - lower)/upper at which a search counts as closed.
+        minimum: smallest force of each apparatus, N, one number or (n,).
+        gimbal_limits: largest |φ| and |θ|, rad, (2,) or (n, 2). With these or a minimum above 0
+            the set is non-convex: `hull` is set and every margin is its hull's, an upper bound.
+        rotations: (n, 3, 3) link axes in CoG axes, in which gimbal limits hold; one posture only.
         wrench_starts: starts of the wrench search; by default 16 for one posture and 0 for a
             batch, where `wrench` is the least of the slices' twists.
 
@@ -278,8 +295,28 @@ def vectored_margins(
     vectored.batch(stack, strength, wrenches, tolerance, bounds, twists, rank, calls)
     for i in np.flatnonzero((bounds[:, 0, 1] < 0.0) | (starts > 0)):
         _refine(stack[i], strength, wrenches[i], bounds[i], twists[i], int(rank[i]), starts)
+    low, gimbal, turn = sector.checked(p.shape[-2], minimum, limit, gimbal_limits, rotations)
+    hull = gimbal_limits is not None or bool(low.any())
+    if hull:
+        bounds[..., 0] = np.nan
+    if gimbal_limits is not None:
+        if p.ndim == 3:
+            raise AnalysisError("gimbal_limits are for one posture at a time: rotations differ.")
+        _restrict(
+            sector.hull_bounds(
+                stack[0],
+                strength,
+                wrenches[0],
+                tolerance,
+                low[live] / scale[0],
+                gimbal[live],
+                turn[live],
+            ),
+            bounds[0],
+            twists[0],
+        )
     bounds[:, 1] *= scale[0]
     bounds[:, 2] *= scale[3]
     if p.ndim == 2:
         bounds, rank, twists, calls = bounds[0], rank[0], twists[0], calls[0]
-    return VectoredMargins(bounds, rank, twists, calls, tolerance, False, p, limit, hover, scale)
+    return VectoredMargins(bounds, rank, twists, calls, tolerance, hull, p, limit, hover, scale)

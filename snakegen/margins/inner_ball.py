@@ -1,0 +1,59 @@
+"""Certified inner radius of a 3-D slice whose support function is a small optimisation.
+
+The same growing polytope as `kernels.sandwich`, for sets that have no compiled support: those
+with joint limits or gimbal limits.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snakegen.kernels.sandwich import insert, simplex
+
+Floats = NDArray[np.float64]
+Support = Callable[[Floats], tuple[float, Floats]]
+
+
+def inner_ball(support: Support, tolerance: float, most: int = 300) -> tuple[float, float, Floats]:
+    """Returns (lower, upper, direction) of the largest ball round the origin inside a body.
+
+    Args:
+        support: e (3,) unit → (upper bound of the support along e, a point of the body (3,)).
+        tolerance: relative gap at which to stop.
+        most: support calls after which to stop all the same.
+
+    Returns:
+        Bounds of the radius and the unit direction of the upper one. ``upper < 0`` proves that
+        the origin lies outside; ``lower`` is then nan, and -inf where the body is too flat.
+    """
+    points = np.empty((most, 3))
+    facets, planes = np.empty((2 * most + 8, 3), np.int64), np.empty((2 * most + 8, 4))
+    edges = np.empty((6 * most, 2), np.int64)
+    upper, worst = np.inf, np.zeros(3)
+    for k, e in enumerate(np.vstack([np.eye(3), -np.eye(3)])):
+        above, points[k] = support(e)
+        if above < upper:
+            upper, worst = above, e
+        if upper < 0.0:
+            return np.nan, upper, worst
+    size = np.abs(points[:6]).max()
+    count, *corners = simplex(points, 6, facets, planes)
+    if count == 0:
+        return -np.inf, upper, worst
+    for k in set(range(6)) - set(corners):
+        count = insert(points, k, facets, planes, count, edges, 1e-12 * size)
+    for used in range(6, most):
+        weakest = int(np.argmin(planes[:count, 3]))
+        lower, e = float(planes[weakest, 3]), planes[weakest, :3].copy()
+        if upper - lower <= tolerance * upper:
+            break
+        above, points[used] = support(e)
+        if above < upper:
+            upper, worst = above, e
+        if upper < 0.0:
+            return np.nan, upper, worst
+        if points[used] @ e - lower <= 1e-12 * size:
+            break
+        count = insert(points, used, facets, planes, count, edges, 1e-12 * size)
+    return max(float(planes[:count, 3].min()), 0.0), upper, worst
