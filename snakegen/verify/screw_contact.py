@@ -42,6 +42,8 @@ class ContactDrive:
         self.screw_servo = _ids(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, screws)
         self.yaw_servo = _ids(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, yaws)
         joints = _ids(self.model, mujoco.mjtObj.mjOBJ_JOINT, yaws)
+        gain, bias = self.model.actuator_gainprm, self.model.actuator_biasprm
+        self.lead = -bias[self.yaw_servo, 2] / gain[self.yaw_servo, 0]
         self.yaw_q = self.model.jnt_qposadr[joints]
         self.head = int(_ids(self.model, mujoco.mjtObj.mjOBJ_SITE, [HEAD])[0])
         self.data = mujoco.MjData(self.model)
@@ -83,9 +85,11 @@ class ContactDrive:
         """Holds the input u (n + m - 1,) for a number of time steps."""
         u = np.asarray(u, float)
         self.data.ctrl[self.screw_servo] = u[: self.units]
+        # A servo damped against rest trails its target by damping/stiffness · rate.
+        ahead = self.lead * u[self.units :]
         for _ in range(steps):
             self.targets = self.targets + u[self.units :] * self.model.opt.timestep
-            self.data.ctrl[self.yaw_servo] = self.targets
+            self.data.ctrl[self.yaw_servo] = self.targets + ahead
             mujoco.mj_step(self.model, self.data)
         mujoco.mj_kinematics(self.model, self.data)
 
