@@ -25,12 +25,12 @@ $(VENV)/bin/pip:
 # Stamps: the environment is touched again only when pyproject.toml changes.
 $(VENV)/runtime.stamp: pyproject.toml | $(VENV)/bin/pip
 	@echo "installing snakegen into $(VENV), once" >&2
-	@$(BIN)/pip install -q --disable-pip-version-check -e .
+	@$(BIN)/pip install -qq --disable-pip-version-check -e .
 	@touch $@
 
 $(VENV)/dev.stamp: pyproject.toml | $(VENV)/bin/pip
 	@echo "installing snakegen and its development tools into $(VENV), once" >&2
-	@$(BIN)/pip install -q --disable-pip-version-check -e '.[dev]'
+	@$(BIN)/pip install -qq --disable-pip-version-check -e '.[dev]'
 	@touch $@ $(VENV)/runtime.stamp
 
 demo: $(VENV)/runtime.stamp ## build dragon4, analyse it, fly it; ends with the verdict

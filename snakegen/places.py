@@ -28,7 +28,7 @@ class Part(BaseModel):
 
 
 def spread(value: Any, count: int, place: str, what: str) -> list[Any]:
-    """Returns `value` as a list of `count`: itself if it is a list of that length, else repeated."""
+    """Returns `value` as a list of `count`: a list of that length as it is, else repeated."""
     if isinstance(value, list):
         if len(value) != count:
             raise ValueError(f"{place}: {len(value)} entries for {count} {what}")
@@ -49,13 +49,15 @@ _PLACE = re.compile(r"\s*(\d+)\s*(?:@\s*([0-9.eE+-]+)\s*)?")
 def place(item: Any) -> Any:
     """Returns the `Place` fields of ``3``, ``"3@0.7"`` or a mapping; others pass through."""
     if isinstance(item, int) and not isinstance(item, bool):
+        if item < 1:
+            raise ValueError(f"link {item} does not exist; links count from 1")
         return {"link": item}
     if isinstance(item, str):
         match = _PLACE.fullmatch(item)
         if not match:
             raise ValueError(f"'{item}' is no place; write a link number, or link@position")
         link, position = match.groups()
-        return {"link": int(link)} | ({} if position is None else {"position": _share(item)})
+        return place(int(link)) | ({} if position is None else {"position": _share(item)})
     return item
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
+from snakegen.errors import SpecError
 from snakegen.places import (
     Diagonal,
     Fraction,
@@ -20,6 +21,7 @@ from snakegen.places import (
     number,
     spread,
 )
+from snakegen.yaml_file import refuse_executable
 
 MAX_LINKS = 1000
 Axis = Literal["roll", "pitch", "yaw"]
@@ -128,13 +130,12 @@ class VectoringApparatus(Part):
 
 
 class Payload(Part):
-    """Lumps fixed to links: a sphere of `radius`, or a mesh whose inertia trimesh computes."""
+    """Lumps fixed to links: spheres of `radius`."""
 
     at: Places
     mass: Positive | list[Positive] = Field(description="kg each")
     offset: Vector | list[Vector] = Field((0.0, 0.0, 0.0), description="m, from the link's axis")
     radius: Positive | list[Positive] = Field(0.03, description="m")
-    mesh: str | None = Field(None, description="file beside the spec; replaces the sphere")
     inertia: Diagonal | list[Diagonal] | None = None
 
 
@@ -164,7 +165,7 @@ class Control(Part):
     position_rate: Positive = Field(40.0, description="Hz")
     sigma_min: NonNegative = Field(0.02, description="least scaled σ_min(J_w) that is flown")
     gains: str = Field("paper", description="the gain set used unless asked otherwise")
-    gain_sets: dict[str, GainSet] = {"paper": GainSet()}
+    gain_sets: dict[str, GainSet] = Field({"paper": GainSet()}, description="gains by name")
 
     @model_validator(mode="after")
     def _known(self) -> "Control":
@@ -198,6 +199,15 @@ class RobotSpec(Part):
     payload: Payload | None = None
     control: Control = Control()
     plant: Plant = Plant()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain(cls, data: Any) -> Any:
+        try:
+            refuse_executable(data)  # names of gain sets too: xacro would run what they hold
+        except SpecError as error:
+            raise ValueError(str(error).rstrip(".")) from None
+        return data
 
     @model_validator(mode="after")
     def _consistent(self) -> "RobotSpec":

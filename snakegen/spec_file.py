@@ -1,9 +1,10 @@
 """Reading specs: presets, files and overrides, with errors that name the place and the remedy."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -44,9 +45,9 @@ def load_spec(
     """
     data, label = _raw(source)
     if links is not None:
-        _put(data, ["chain", "links"], links)
+        _put(data, ["chain", "links"], links, label)
     if apparatus is not None:
-        _put(data, ["vectoring_apparatus", "at"], apparatus)
+        _put(data, ["vectoring_apparatus", "at"], apparatus, label)
     for item in overrides:
         path, equals, text = item.partition("=")
         if not equals or not path.strip():
@@ -101,18 +102,18 @@ def _raw(source: Any) -> tuple[dict[str, Any], str]:
     return data, path.name
 
 
-def _put(data: dict[str, Any], path: list[str], value: Any, label: str = "spec") -> None:
+def _put(data: dict[str, Any], path: list[str], value: Any, label: str) -> None:
     """Sets data[path…] = value; numbers index lists (from 1)."""
     at: Any = data
     for depth, key in enumerate(path[:-1]):
         if isinstance(at, list):
             at = at[_index(at, path, depth, label)]
         else:
-            if not isinstance(at.get(key), dict | list):
-                at[key] = {}
+            at[key] = {} if at.get(key) is None else at[key]
             at = at[key]
         if not isinstance(at, dict | list):
-            raise SpecError(f"{label}: '{'.'.join(path[: depth + 1])}' has no parts to set.")
+            here = ".".join(path[: depth + 1])
+            raise SpecError(f"{label}: '{here}' is the one value {at!r}; set '{here}' as a whole.")
     if isinstance(at, list):
         at[_index(at, path, len(path) - 1, label)] = value
     else:
@@ -131,17 +132,31 @@ def _fields_at(path: tuple[Any, ...]) -> list[str]:
     model: Any = RobotSpec
     for key in path:
         field = getattr(model, "model_fields", {}).get(key)
-        if field is None:
-            continue
-        for part in getattr(field.annotation, "__args__", (field.annotation,)):
-            if isinstance(part, type) and issubclass(part, BaseModel):
-                model = part
+        if field is not None:
+            model = next(_sections(field.annotation), model)
     return list(model.model_fields)
+
+
+def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yields the sections that an annotation names, however deep in lists and unions."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _sections(part)
+
+
+def _near_field(leaf: str, prefix: str, names: list[str]) -> str:
+    """Returns the hint for a field that does not exist: the near ones, else all of its section."""
+    close = get_close_matches(leaf, names, n=2, cutoff=0.6)
+    if not close:
+        return near(leaf, names)
+    full = [f"'{prefix}.{name}'" if prefix else f"'{name}'" for name in close]
+    return f" Did you mean {' or '.join(full)}?"
 
 
 def _is_field(key: Any) -> bool:
     """Tells real path parts from pydantic's names for the branches of a union."""
-    return isinstance(key, int) or key.isidentifier() and key not in ("float", "int", "list")
+    return isinstance(key, int) or (key.isidentifier() and key not in ("float", "int", "list"))
 
 
 def _explain(error: ValidationError, data: dict[str, Any], label: str) -> str:
@@ -152,10 +167,12 @@ def _explain(error: ValidationError, data: dict[str, Any], label: str) -> str:
     loc = _real_path(first["loc"], data)
     path = "".join(f"[{k + 1}]" if isinstance(k, int) else f".{k}" for k in loc).lstrip(".")
     if first["type"] == "extra_forbidden":
-        names = _fields_at(loc[:-1])
         prefix = path.rpartition(".")[0]
-        full = [f"{prefix}.{n}" if prefix else n for n in names]
-        return f"{label} has no field '{path}'.{near(path, full)}"
+        hint = _near_field(str(loc[-1]), prefix, _fields_at(loc[:-1]))
+        return f"{label} has no field '{path}'.{hint}"
+    if first["type"] == "missing" and isinstance(first["loc"][-1], int):
+        given, least = first["input"], first["loc"][-1] + 1
+        return f"{label}: '{path}': {least} or more entries are needed (got {list(given)})."
     if first["type"] == "missing":
         return f"{label}: '{path}' is needed."
     message = first["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
@@ -163,6 +180,9 @@ def _explain(error: ValidationError, data: dict[str, Any], label: str) -> str:
     if first["type"] == "value_error":
         same = message.startswith(path) or not path
         return f"{label}: {message}." if same else f"{label}: '{path}': {message}."
+    if first["type"] in ("model_type", "model_attributes_type", "dict_type"):
+        parts = [f"{path}.{name}" for name in _fields_at((*loc, "")) or ["…"]]
+        return f"{label}: '{path}' is a section; set {', '.join(parts[:3])} …."
     given = first["input"]
     shown = "" if isinstance(given, dict) else f" (got {given!r})"
     return f"{label}: '{path}': {message}{shown}."
@@ -173,9 +193,8 @@ def _real_path(loc: tuple[Any, ...], data: Any) -> tuple[Any, ...]:
     out: list[Any] = []
     at = data
     for position, key in enumerate(loc):
-        if isinstance(at, dict) and isinstance(key, str) and key in at:
-            at = at[key]
-        elif isinstance(at, list) and isinstance(key, int) and key < len(at):
+        in_dict = isinstance(at, dict) and isinstance(key, str) and key in at
+        if in_dict or (isinstance(at, list) and isinstance(key, int) and key < len(at)):
             at = at[key]
         elif position == len(loc) - 1 and isinstance(at, dict) and _is_field(key):
             at = None

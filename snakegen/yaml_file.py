@@ -42,7 +42,7 @@ class _PlainDumper(yaml.SafeDumper):
         return True
 
 
-def _refuse_executable(value: Any, place: str) -> None:
+def refuse_executable(value: Any, place: str = "") -> None:
     """Raises SpecError where any string in `value` holds text that xacro would evaluate."""
     if isinstance(value, str):
         for mark in _EXECUTABLE:
@@ -51,11 +51,11 @@ def _refuse_executable(value: Any, place: str) -> None:
                 raise SpecError(f"'{mark}'{where} is not allowed: a spec is data, not code.")
     elif isinstance(value, dict):
         for key, item in value.items():
-            _refuse_executable(key, place)
-            _refuse_executable(item, f"{place}.{key}" if place else str(key))
+            refuse_executable(key, place)
+            refuse_executable(item, f"{place}.{key}" if place else str(key))
     elif isinstance(value, list):
         for i, item in enumerate(value):
-            _refuse_executable(item, f"{place}[{i}]")
+            refuse_executable(item, f"{place}[{i}]")
 
 
 def parse(text: str, source: str) -> Any:
@@ -66,7 +66,7 @@ def parse(text: str, source: str) -> Any:
     """
     try:
         value = yaml.load(text, Loader=_PlainLoader)
-        _refuse_executable(value, "")
+        refuse_executable(value)
     except SpecError as error:
         raise SpecError(f"{source}: {error}") from None
     except yaml.YAMLError as error:

@@ -29,6 +29,7 @@ def expand(spec_path: Path, mesh_prefix: str = "meshes/") -> str:
     """
     import xacro
 
+    yaml_file.refuse_executable(spec_path.read_text(encoding="utf-8"), spec_path.name)
     template = templates_folder() / "snake.urdf.xacro"
     mappings = {"spec": str(spec_path.resolve()), "mesh_prefix": mesh_prefix}
     try:
