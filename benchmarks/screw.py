@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from snakegen.control.screw import ScrewLaw
-from snakegen.description.screw_contact import BareChain, ScrewContact, screw_mjcf
+from snakegen.description.screw_chain import BareChain, screw_mjcf
+from snakegen.description.screw_contact import ScrewContact
 from snakegen.kernels.screw import follow
 from snakegen.paths import FollowReference, TimeLaw, l_crank, path_length, path_pieces, square
 from snakegen.screw_law import constraint_matrices, wheel_rates

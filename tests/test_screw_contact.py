@@ -11,13 +11,12 @@ from screw_urdf import drive_urdf
 from snakegen.analysis.screw_drive import wheel_rates
 from snakegen.control.screw import ScrewLaw
 from snakegen.description.mjcf import decorate
+from snakegen.description.screw_chain import BareChain, screw_mjcf
 from snakegen.description.screw_contact import (
     GROUND_BIT,
-    BareChain,
     ScrewContact,
     decorate_drive,
     decorate_screws,
-    screw_mjcf,
 )
 from snakegen.errors import DescriptionError, SpecError
 from snakegen.modules import from_urdf

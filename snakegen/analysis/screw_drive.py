@@ -43,7 +43,7 @@ ORDER = 60
 OPTIONS = {
     "path": ["lcrank", "path whose rates are worked out: line, arc, lcrank, scurve"],
     "speed": [0.125, "m/s along that path"],
-    "screw_rate": [6.0, "rad/s that a screw motor reaches, where the URDF gives no limit"],
+    "screw_rate": [0.0, "rad/s that a screw motor reaches; 0: the URDF's limit"],
 }
 
 
@@ -105,8 +105,8 @@ class DriveResult:
             "slip_m_s_per_percent": self.slip,
             "path": None if self.demand is None else _demand(self.demand),
             "path_refusal": self.refusal,
-            "direction_speed_min_m_s": None if cone is None else float(cone.speed.min()),
-            "direction_speed_max_m_s": None if cone is None else float(cone.speed.max()),
+            "direction_speed_min_m_s": None if cone is None else _finite(float(cone.speed.min())),
+            "direction_speed_max_m_s": None if cone is None else _finite(float(cone.speed.max())),
             "direction_cone_rad": None if cone is None else cone.width(self.speed),
             "following_radius_m": _finite(self.following_radius),
             "fixed_shape_radius_m": _finite(self.fixed_radius),
@@ -210,7 +210,7 @@ def analyze(
     q: Floats,
     path: str = "lcrank",
     speed: float = 0.125,
-    screw_rate: float = 6.0,
+    screw_rate: float = 0.0,
 ) -> DriveResult:
     """Returns all that the model says of the robot's drive at q (HA eqs 1-7).
 
@@ -230,7 +230,7 @@ def analyze(
         high,
         NAMED[path](),
         speed,
-        min(screw_rate, _rate_limit(robot, drums)),
+        screw_rate if screw_rate > 0 else _rate_limit(robot, drums),
         _rate_limit(robot, yaws),
         max(others, default=0.0),
     )
