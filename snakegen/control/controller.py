@@ -93,6 +93,22 @@ class Controller:
         )
         return State(*state), Command(*command)
 
+    def without(self, rotors: Sequence[int]) -> "Controller":
+        """Returns the controller of the robot that has lost `rotors`.
+
+        In dual-rotor mode their limits become 0. A virtual single rotor needs all rotors of its
+        apparatus: one lost takes the whole apparatus out.
+        """
+        most, least = self.rotors.thrust_max.copy(), self.rotors.thrust_min.copy()
+        limit = self.gimbals.limit.copy()
+        most[list(rotors)] = least[list(rotors)] = 0.0
+        limit[self.rotors.apparatus[list(rotors)]] = 0.0
+        return replace(
+            self,
+            rotors=self.rotors._replace(thrust_max=most, thrust_min=least),
+            gimbals=self.gimbals._replace(limit=limit),
+        )
+
     def with_law(self, **changes: Any) -> "Controller":
         """Returns this controller with fields of its law replaced."""
         return replace(self, law=self.law._replace(**changes))

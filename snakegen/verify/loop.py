@@ -91,12 +91,18 @@ def fly(
             if status == REFUSED and not refused:
                 events.append((float(plan.time[k]), "WARN", "σ_min below the threshold"))
             refused = status == REFUSED
+            run.fail(float(plan.time[k]))
             run.act(k, noise.thrust_factor, dt)
             mujoco.mj_step(model, data, substeps)
             speed = float(np.abs(data.qvel).max())
             if not speed < _LOST:
                 stopped = f"diverged at {plan.time[k]:.2f} s: {run.fastest()}"
                 events.append((float(plan.time[k]), "ERROR", stopped))
+                flown = k + 1
+                break
+            if run.astray(k) > plan.give_up:
+                stopped = f"gave up at {plan.time[k]:.2f} s: {plan.give_up:g} m off target"
+                events.append((float(plan.time[k]), "WARN", stopped))
                 flown = k + 1
                 break
             if progress is not None and k % 10 == 0:
@@ -129,6 +135,9 @@ class _Run:
             )
         }
         self.sigma, self.contact = np.full(ticks, np.nan), np.zeros(ticks)
+        self.alive, self.told = np.ones(len(world.rotors)), 0
+        link = plan.disturbance_link or world.robot.root_link
+        self.pushed = int(model.body(link).id)
         self.floor = model.geom("floor").id if _has_floor(model) else -1
         angles = data.qpos[world.qpos]
         self.gimbal = np.where(world.gimbal_joints >= 0, angles[world.gimbal_joints], 0.0)
@@ -226,14 +235,36 @@ class _Run:
         data, world = self.data, self.world
         step = self.speed * dt
         self.gimbal = self.gimbal + np.clip(self.command.gimbals - self.gimbal, -step, step)
-        data.ctrl[world.rotors] = self.command.thrust * factor
+        data.ctrl[world.rotors] = self.command.thrust * factor * self.alive
         self._write_gimbals(self.gimbal)
         data.ctrl[world.servos] = self.plan.joints[k]
         row = self.rows["command"][k]
         row[:] = data.ctrl
         row[world.rotors] = self.command.thrust
         if self.plan.disturbance is not None:
-            data.xfrc_applied[self._root] = self.plan.disturbance[k]
+            self._push(self.plan.disturbance[k])
+
+    def fail(self, now: float) -> None:
+        """Stops rotors whose time has come, and tells the controller of those detected."""
+        for failure in self.plan.failures:
+            if now >= failure.time:
+                self.alive[list(failure.rotors)] = 0.0
+        known = [f for f in self.plan.failures if now >= f.detected]
+        if len(known) > self.told:
+            self.told = len(known)
+            self.controller = self.controller.without(known[-1].rotors)
+
+    def astray(self, k: int) -> float:
+        """Returns the distance [m] of the CoG from its target."""
+        gap = self.data.subtree_com[self._root] - self.plan.position[k]
+        return float(np.sqrt(gap @ gap))
+
+    def _push(self, wrench: Floats) -> None:
+        """Applies a wrench; MuJoCo takes it about the body's centre of mass."""
+        data, body = self.data, self.pushed
+        at = data.subtree_com[self._root] if self.plan.disturbance_at_cog else data.xpos[body]
+        data.xfrc_applied[body, :3] = wrench[:3]
+        data.xfrc_applied[body, 3:] = wrench[3:] + np.cross(at - data.xipos[body], wrench[:3])
 
     def _write_gimbals(self, angles: Floats) -> None:
         present = self.world.gimbals >= 0

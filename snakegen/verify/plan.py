@@ -12,6 +12,24 @@ from snakegen.geometry import Floats
 PEAK_RATE = 15.0 / 8.0  # largest slope of the quintic below
 
 
+@dataclass(frozen=True)
+class Failure:
+    """Rotors that stop at `time` [s]; the controller learns of it at `detected` [s]."""
+
+    time: float
+    detected: float
+    rotors: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Box:
+    """An obstacle: centre and half sizes [m], axes along the world's."""
+
+    name: str
+    centre: tuple[float, float, float]
+    half: tuple[float, float, float]
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """References over a run of T ticks, and where it starts.
@@ -26,9 +44,16 @@ class Plan:
         on_floor: whether the run starts at rest on the floor, rotors off.
         window: s, from and to, that the metrics judge.
         events: (time, text).
-        thresholds: of the verdict, over the defaults.
+        thresholds: of the verdict, over the defaults; None takes a check out.
         mode: (T,) the mode flown: 1 virtual-single-rotor, 0 dual-rotor; None: the robot's own.
-        disturbance: (T, 6) N, N m, world, at the root link's origin; None for none.
+        disturbance: (T, 6) N, N m, world, on `disturbance_link`; None for none.
+        disturbance_link: name; the root link if empty.
+        disturbance_at_cog: whether the wrench is about the CoG (carried by the link), not about
+            the link's origin.
+        failures: rotors lost on the way.
+        obstacles: boxes in the world.
+        give_up: m, distance of the CoG from its target at which the run ends.
+        facts: what the mission wants in the log, as JSON.
     """
 
     time: Floats
@@ -42,9 +67,15 @@ class Plan:
     on_floor: bool = False
     window: tuple[float, float] | None = None
     events: tuple[tuple[float, str], ...] = ()
-    thresholds: dict[str, dict[str, Any]] = field(default_factory=dict)
+    thresholds: dict[str, dict[str, Any] | None] = field(default_factory=dict)
     mode: Floats | None = None
     disturbance: Floats | None = None
+    disturbance_link: str = ""
+    disturbance_at_cog: bool = False
+    failures: tuple[Failure, ...] = ()
+    obstacles: tuple[Box, ...] = ()
+    give_up: float = float("inf")
+    facts: dict[str, Any] = field(default_factory=dict)
 
 
 def quintic(s: ArrayLike) -> tuple[Floats, Floats, Floats]:

@@ -10,6 +10,7 @@ import numpy as np
 from snakegen.description.mjcf import decorate
 from snakegen.geometry import Floats, wxyz_from_xyzw, xyzw_from_wxyz
 from snakegen.robot import Robot
+from snakegen.verify.plan import Box
 
 Ints = np.ndarray[Any, np.dtype[np.int64]]
 
@@ -74,19 +75,30 @@ class World:
         return out
 
 
-def make_world(robot: Robot, *, timestep: float = 0.001, floor: bool = True) -> World:
+def make_world(
+    robot: Robot,
+    *,
+    timestep: float = 0.001,
+    floor: bool = True,
+    obstacles: Sequence[Box] = (),
+) -> World:
     """Returns the world of a run: the MJCF of the robot's URDF, without visuals, on a floor.
 
     Args:
         robot: any robot of the grammar.
         timestep: s.
         floor: whether there is ground at z = 0.
+        obstacles: boxes that stand in the way.
     """
     spec = decorate(robot.urdf, robot.modules, {}, visuals=False)
     spec.option.timestep = timestep
     if floor:
         spec.worldbody.add_geom(
             name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05]
+        )
+    for box in obstacles:
+        spec.worldbody.add_geom(
+            name=box.name, type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre, size=box.half
         )
     model = spec.compile()
     names = list(robot.joint_names)
