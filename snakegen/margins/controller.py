@@ -165,8 +165,8 @@ def vectored_controller(
     p = inputs.array("points", points, (None, 3))
     limit = inputs.per_unit("limits", limits, len(p))
     hover, scale = inputs.hover(hover_wrench, None), inputs.scale(force_scale, torque_scale)
-    d = np.repeat(1.0 if weights is None else inputs.per_unit("weights", weights, len(p)), 3)
-    d = np.broadcast_to(d, 3 * len(p)) * np.repeat(limit > 0.0, 3)
+    shares = inputs.per_unit("weights", 1.0 if weights is None else weights, len(p))
+    d = np.repeat(shares * (limit > 0.0), 3)
     scaled = np.hstack([np.vstack([np.eye(3), skew(point)]) for point in p]) / scale[:, None]
     inverse = d[:, None] * np.linalg.pinv(scaled * d, rcond=1e-6)
     forces = (inverse @ (hover / scale)).reshape(-1, 3)

@@ -6,6 +6,7 @@ that is a bound on λ alone, ``|bias + D w0 + (M - D Q) λ| ≤ limit``. It depe
 which is what D says: a column holds the joint torques that a unit of d there loads.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,7 @@ from snakegen.margins.thrust import thrust_margins
 from snakegen.margins.vectored import vectored_margins
 
 Floats = NDArray[np.float64]
+Solve = Callable[[Floats, bool], tuple[float, Floats]]
 AT_LIMIT = 1e-3  # a joint within this share of its limit counts as saturated
 
 
@@ -105,9 +107,11 @@ def _at_limit(problem: _Problem, thrust: Floats) -> list[int]:
     return np.flatnonzero(np.abs(torque) >= (1.0 - AT_LIMIT) * problem.limit).tolist()
 
 
-def _margins(problem, solve, scale, free, tolerance) -> JointLimitedMargins:  # type: ignore[no-untyped-def]
-    """Runs both slices; ``solve(e, torque) → (upper, thrust)``; `free` the margins without limits."""
-    found = []
+def _margins(
+    problem: _Problem, solve: Solve, scale: Floats, free: tuple[float, float], tolerance: float
+) -> JointLimitedMargins:
+    """Runs both slices; ``solve(e, torque) → (upper, thrust)``; `free`: without joint limits."""
+    found: list[tuple[Floats, Floats, list[int]]] = []
     for torque in (False, True):
         part = slice(3, 6) if torque else slice(0, 3)
         if free[torque] == 0.0 or np.isnan(free[torque]):
@@ -125,7 +129,9 @@ def _margins(problem, solve, scale, free, tolerance) -> JointLimitedMargins:  # 
         joints = _at_limit(problem, solve(e, torque)[1])
         found.append((np.array([low, high]) * scale[3 if torque else 0], e, joints))
     (force, along, bent), (turn, about, twisted) = found
-    return JointLimitedMargins(force, turn, along, about, bent, twisted, *free, tolerance)
+    return JointLimitedMargins(
+        force, turn, along, about, bent, twisted, free[0], free[1], tolerance
+    )
 
 
 def thrust_joint_limited(

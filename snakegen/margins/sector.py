@@ -15,7 +15,8 @@ from snakegen.margins import inputs
 from snakegen.margins.inner_ball import inner_ball
 
 Floats = NDArray[np.float64]
-GAP = 1e-8  # between the linear program and the hull's support, scaled
+GAP = 0.1  # of the tolerance: between the linear program and the hull's support
+KEPT = 12  # rounds of columns that stay for the next direction
 PENALTY = 1e3  # of a held wrench that the columns found so far cannot hold
 
 
@@ -50,8 +51,16 @@ class _Hull:
     """The columns found so far, scaled, and the slice supports they give."""
 
     def __init__(
-        self, p: Floats, low: Floats, high: Floats, gimbal: Floats, turn: Floats, hover: Floats
+        self,
+        p: Floats,
+        low: Floats,
+        high: Floats,
+        gimbal: Floats,
+        turn: Floats,
+        hover: Floats,
+        tolerance: float,
     ) -> None:
+        self.gap = GAP * tolerance
         self.p, self.low, self.high, self.gimbal, self.turn = p, low, high, gimbal, turn
         self.hover = hover
         self.wrenches = np.zeros((0, 6))
@@ -77,7 +86,11 @@ class _Hull:
         part, held = (slice(3, 6), slice(0, 3)) if torque else (slice(0, 3), slice(3, 6))
         twist, n, upper = np.zeros(6), len(self.p), np.inf
         point = np.zeros(3)
-        for _ in range(100):
+        first = 12 * n  # the axes' columns span every direction: they stay
+        last = max(len(self.owner) - KEPT * n, first)
+        self.wrenches = np.vstack([self.wrenches[:first], self.wrenches[last:]])
+        self.owner = np.r_[self.owner[:first], self.owner[last:]]
+        for _ in range(30):
             k = len(self.owner)
             weights = (self.owner == np.arange(n)[:, None]).astype(float)
             found = linprog(
@@ -95,7 +108,8 @@ class _Hull:
             point = self.wrenches[:, part].T @ share - self.hover[part]
             twist[part], twist[held] = e, found.eqlin.marginals[:3]
             upper = min(upper, self._price(twist).sum() - twist @ self.hover)
-            if upper < 0.0 or upper - (-found.fun - e @ self.hover[part]) <= GAP:
+            reached = -found.fun - e @ self.hover[part]
+            if upper < 0.0 or upper - reached <= self.gap * upper:
                 break
         return float(upper), point
 
@@ -114,10 +128,14 @@ def hull_bounds(
     The wrench bound is the lesser of the two slices'; where the hull cannot hold hover it is
     minus the distance to a plane that separates them, and force and torque are nan.
     """
-    hull = _Hull(p, minimum, limit, gimbal, rotations, hover)
+    hull = _Hull(p, minimum, limit, gimbal, rotations, hover, tolerance)
     out, twists = np.full(3, np.nan), np.full((3, 6), np.nan)
     for k, torque in enumerate((False, True)):
-        _, high, e = inner_ball(lambda e, torque=torque: hull.support(e, torque), tolerance)
+
+        def support(e: Floats, torque: bool = torque) -> tuple[float, Floats]:
+            return hull.support(e, torque)
+
+        _, high, e = inner_ball(support, tolerance, 100)
         if high < 0.0:
             return np.array([high, np.nan, np.nan]), twists
         out[1 + k] = high
