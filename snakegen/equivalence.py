@@ -140,9 +140,14 @@ class _StateMap:
             bias[:3] = base.T @ bias[:3]
         moving = _moving_bodies(model)
         mass = model.body_mass[moving]
-        centre = mass @ data.xipos[moving] / mass.sum()
+        centre = _centre(float(mass.sum()), mass @ data.xipos[moving])
         frames = np.hstack([data.xpos[self.links], data.xmat[self.links]])
         return np.array([mass.sum()]), centre, frames, mass_matrix, bias
+
+
+def _centre(mass: float, moment: Floats) -> Floats:
+    """Returns the centre of mass; the origin where nothing moves (one link on a fixed base)."""
+    return moment / mass if mass > 0 else np.zeros(3)
 
 
 def _moving_bodies(model: mujoco.MjModel) -> Any:
@@ -162,11 +167,12 @@ class _Pinocchio:
         upper = np.triu(pin.crba(model, data, q))
         mass_matrix = upper + np.triu(upper, 1).T
         bias = np.array(pin.nle(model, data, q, v))
-        centre = np.array(pin.centerOfMass(model, data, q))
+        mass = pin.computeTotalMass(model)
+        centre = _centre(mass, mass * np.array(pin.centerOfMass(model, data, q)))
         pin.framesForwardKinematics(model, data, q)
         poses = [data.oMf[f] for f in self.frames]
         frames = np.array([[*p.translation, *p.rotation.ravel()] for p in poses])
-        return np.array([pin.computeTotalMass(model)]), centre, frames, mass_matrix, bias
+        return np.array([mass]), centre, frames, mass_matrix, bias
 
 
 class _Own:
@@ -191,27 +197,27 @@ class _Own:
                 for b, r, p in self.places
             ]
         )
-        still, unit = np.zeros_like(v), np.eye(v.size)
-        columns = [self._torque(q, still, unit[k], 0.0) for k in range(v.size)]
-        bias = self._torque(q, v, still, GRAVITY)
-        return np.array([mass]), centre, frames, np.array(columns).T, bias
+        return np.array([mass]), centre, frames, *self._dynamics(base, robot.angles(q), v)
 
-    def _torque(self, q: Floats, v: Floats, a: Floats, gravity: float) -> Floats:
-        from snakegen.kernels.dynamics import DEPTHS, torque_terms
+    def _dynamics(self, base: Floats, angles: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Returns mass matrix (nv, nv) and bias (nv,): torques of unit accelerations, and of none.
 
-        robot = self.robot
+        Row k is what moving coordinate k alone from rest takes without gravity; the last row,
+        with gravity, what going on at v takes.
+        """
+        from snakegen.kernels.inverse_dynamics import NO_LOADS, torques_batch
+
+        robot, nv = self.robot, v.size
         skip = 0 if robot.floating else 6
-        base, _ = robot.base_pose(q)
-        count = robot.tree.parent.size
-        terms = torque_terms(
-            robot.tree,
-            robot.model.armature[6 - skip :].copy(),
-            np.arange(count),
-            np.array([0.0, 0.0, -gravity]),
-            base,
-            robot.angles(q),
-            np.concatenate([np.zeros(skip), v]),
-            np.concatenate([np.zeros(skip), a]),
-            np.zeros((count, 6)),
-        )
-        return np.asarray(terms[list(DEPTHS["full"])].sum(axis=0)[skip:])
+        armature = robot.model.armature[6 - skip :].copy()
+        rates, accelerations = np.zeros((nv + 1, skip + nv)), np.zeros((nv + 1, skip + nv))
+        rates[nv, skip:] = v
+        accelerations[:nv, skip:] = np.eye(nv)
+        bases, turned = np.repeat(base[None], nv + 1, 0), np.repeat(angles[None], nv + 1, 0)
+
+        def torques(rows: slice, gravity: float) -> Floats:
+            weight = np.array([0.0, 0.0, -gravity])
+            state = (bases[rows], turned[rows], rates[rows], accelerations[rows])
+            return torques_batch(robot.tree, armature, weight, *state, NO_LOADS)[:, skip:]
+
+        return torques(slice(nv), 0.0), torques(slice(nv, nv + 1), GRAVITY)[0]

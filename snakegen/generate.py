@@ -72,7 +72,7 @@ def build(
         urdf_path, text = _write_urdf(spec_path, spec.name, mesh_uri)
         made = meshes.write_meshes(folder / "meshes", _needed(meshes.unit_meshes(), text))
         found = lint.lint(text, folder=folder)
-        lint.check(text, folder=folder)
+        lint.refuse(found, urdf_path.name)
         equivalence = _write_mjcf(folder, spec.name, text, made)
         png, note = (None, "")
         if picture:
@@ -118,7 +118,7 @@ def _write_mjcf(folder: Path, name: str, text: str, made: dict[str, Path]) -> An
     from snakegen.equivalence import BOUND, compare
     from snakegen.robot import from_urdf_text
 
-    robot = from_urdf_text(text, None)
+    robot = from_urdf_text(text, None, checked=True)
     assets = {f"meshes/{n}.stl": p.read_bytes() for n, p in made.items()}
     path = folder / f"{name}.xml"
     write(decorate(text, robot.modules, assets), path)
@@ -142,4 +142,4 @@ def _write_picture(folder: Path, name: str, text: str, png: Path) -> str:
     from snakegen.picture import robot_picture
     from snakegen.robot import from_urdf_text
 
-    return robot_picture(from_urdf_text(text, None), folder / "scene.xml", png)
+    return robot_picture(from_urdf_text(text, None, checked=True), folder / "scene.xml", png)

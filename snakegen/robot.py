@@ -196,13 +196,18 @@ class Robot:
     def angles(self, q: Floats) -> Floats:
         """Returns the joint angles (n-1,) of q in the tree's order."""
         q = self.check_q(q)
+        at, turning = self._places
+        out = q[at]
+        out[turning] = np.arctan2(q[at[turning] + 1], out[turning])
+        return np.asarray(out)
+
+    @cached_property
+    def _places(self) -> tuple[Any, Any]:
+        """Where each joint's angle stands in q, and which are continuous (cos, sin there)."""
         first = 2 if self.floating else 1
-        out = np.empty(self.model.njoints - first)
-        for k in range(first, self.model.njoints):
-            joint = self.model.joints[k]
-            i = joint.idx_q
-            out[k - first] = np.arctan2(q[i + 1], q[i]) if joint.nq == 2 else q[i]
-        return out
+        joints = [self.model.joints[k] for k in range(first, self.model.njoints)]
+        at = np.array([joint.idx_q for joint in joints], np.int64)
+        return at, np.flatnonzero([joint.nq == 2 for joint in joints])
 
     def limits(self, names: Sequence[str]) -> tuple[Floats, Floats, Floats]:
         """Returns lower, upper [rad] and effort [N m] of the joints `names`."""
@@ -245,12 +250,24 @@ def load(source: Any, *, modules: str | Path | None = None) -> Robot:
 
 
 def from_urdf_text(
-    text: str, path: Path | None, *, modules: str | Path | None = None
+    text: str,
+    path: Path | None,
+    *,
+    modules: str | Path | None = None,
+    checked: bool = False,
 ) -> Robot:
-    """Reads a robot from URDF text that stands, or would stand, at `path`."""
+    """Reads a robot from URDF text that stands, or would stand, at `path`.
+
+    Args:
+        text: URDF text.
+        path: where its meshes are looked for, None to leave them out.
+        modules: a modules file, for text without a <snakegen> element.
+        checked: the lint has passed it already.
+    """
     from snakegen.description import lint
 
-    lint.check(path if path is not None else text)
+    if not checked:
+        lint.check(path if path is not None else text)
     found = modules_file.from_urdf(text)
     if modules is not None:
         found = modules_file.from_file(Path(modules), _root_link(text))

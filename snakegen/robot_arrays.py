@@ -40,6 +40,8 @@ def tree_of(model: pin.Model, floating: bool) -> Tree:
         rotation[i] = model.jointPlacements[i + first].rotation
         translation[i] = model.jointPlacements[i + first].translation
     bodies = [model.inertias[i + first] for i in range(count)]
+    if not floating:  # what is bolted to the world does not move: Pinocchio's sums leave it out
+        bodies[0] = pin.Inertia.Zero()
     return Tree(
         parent,
         prismatic,
@@ -116,6 +118,4 @@ def gimbals_of(robot: "Robot") -> Gimbals:
             body, turned, _ = robot.body_of_link(a.link)
             if body == base:
                 frames[j] = turned
-    return Gimbals(
-        link_body, frames, roll_body, pitch_body, thrust_body, points, axes, limit
-    )
+    return Gimbals(link_body, frames, roll_body, pitch_body, thrust_body, points, axes, limit)

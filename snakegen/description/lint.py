@@ -14,7 +14,7 @@ from snakegen.description.urdf_grammar import EXTENSIONS, grammar_faults
 from snakegen.description.xmltree import XmlFault, parse_xml
 from snakegen.errors import DescriptionError
 
-__all__ = ["Finding", "check", "lint"]
+__all__ = ["Finding", "check", "lint", "refuse"]
 
 
 def lint(
@@ -70,11 +70,16 @@ def check(
     Raises:
         DescriptionError: names the file, line, element and remedy, and counts the other errors.
     """
-    found = lint(urdf, folder=folder, extensions=extensions)
+    refuse(
+        lint(urdf, folder=folder, extensions=extensions), "URDF" if _is_text(urdf) else str(urdf)
+    )
+
+
+def refuse(found: Iterable[Finding], name: str) -> None:
+    """Raises on the first error among findings of the file `name`, as `check` does."""
     errors = [finding for finding in found if finding.severity == "error"]
     if not errors:
         return
-    name = "URDF" if _is_text(urdf) else str(urdf)
     more = len(errors) - 1
     others = f" (and {more} more error{'s' if more > 1 else ''})" if more else ""
     raise DescriptionError(f"{name}: {errors[0]}{others}")
