@@ -22,13 +22,13 @@ from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
 from snakegen.margins.inner_ball import inner_ball
 
 
-def timed(function, repeats=5):
+def timed(function, *arguments, repeats=5, **options):
     """Returns the least processor time of several runs, s, after one to warm up."""
-    function()
+    function(*arguments, **options)
     times = []
     for _ in range(repeats):
         start = time.process_time()
-        function()
+        function(*arguments, **options)
         times.append(time.process_time() - start)
     return min(times)
 
@@ -58,7 +58,7 @@ def dual(rng, folder):
     for n, m in ((8, 20000), (16, 500)):
         q, hover = thrust_sets(rng, m, n)
         scales = {"force_scale": 1.0, "torque_scale": 1.0}
-        each = timed(lambda: thrust_margins(q, 0, 1, hover, **scales)) / m
+        each = timed(thrust_margins, q, 0, 1, hover, **scales) / m
         line(f"dual, {n} rotors of rank 6, all four margins", each)
         if n == 8 and folder:
             compare_shift(q, hover, each, folder)
@@ -86,7 +86,7 @@ def compare_shift(q, hover, each, folder):
             hyper_plane_shift_method(q[i], np.zeros(8), np.ones(8))
 
     shift()
-    other = timed(only, 3) / few
+    other = timed(only, repeats=3) / few
     line(
         "pycapacity's hyperplane shift, wrench margin alone",
         other,
@@ -134,7 +134,7 @@ def vectored(rng):
         hover = np.array([0, 0, weight, 0, 0, 0])
         scales = {"force_scale": weight, "torque_scale": weight * LENGTH}
         found = vectored_margins(points, 64.0, hover, **scales)
-        each = timed(lambda: vectored_margins(points, 64.0, hover, **scales)) / m
+        each = timed(vectored_margins, points, 64.0, hover, **scales) / m
         line(
             f"vectored, {n} apparatuses, force and torque to 1e-3",
             each,
@@ -143,7 +143,7 @@ def vectored(rng):
         slowest = int(np.argmax(found.calls.sum(axis=1)))
         line(
             "  its slowest posture alone",
-            timed(lambda: vectored_margins(points[slowest : slowest + 1], 64.0, hover, **scales)),
+            timed(vectored_margins, points[slowest : slowest + 1], 64.0, hover, **scales),
         )
         if n == 4:
             few = 3

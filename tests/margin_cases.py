@@ -65,8 +65,9 @@ def hull_margins(a, w, lower, upper):
     else:
         planes = ConvexHull(flat).equations
     slack = -(planes[:, :-1] @ at + planes[:, -1])
-    if slack.min() < -1e-11:
+    if slack.min() < -1e-9:  # qhull's own rounding on thin sets
         return np.full(3, np.nan), rank
+    slack = slack.clip(0.0)
     normals = planes[:, :-1] @ basis.T
     out = [slack.min() if rank == len(a) else 0.0]
     for part in (slice(0, 3), slice(3, 6)):

@@ -9,7 +9,7 @@ no whitening, as the polytope takes their shape.
 import numpy as np
 
 from snakegen.kernels.jit import jit
-from snakegen.kernels.slice_support import support
+from snakegen.kernels.slice_support import scratch_space, support
 
 POINTS = 400  # then the search says that it did not close
 
@@ -143,6 +143,7 @@ def work_space(n):
         np.empty((6 * POINTS, 2), np.int64),
         np.empty((n, 3)),
         np.empty(3),
+        scratch_space(),
     )
 
 
@@ -153,14 +154,14 @@ def radius(torque, p, limit, hover, frame, tolerance, work, worst):
     `frame` (3, 3): orthonormal rows to start with. Stops at upper - lower ≤ tolerance · upper, or
     as soon as the upper bound is negative (hover lies outside). ``lower`` is -inf where it fails.
     """
-    points, directions, multipliers, facets, planes, edges, f, z = work
+    points, directions, multipliers, facets, planes, edges, f, z, scratch = work
     upper, used, size = np.inf, 0, 0.0
     e = np.empty(3)
     for k in range(6):
         for c in range(3):
             e[c] = frame[k // 2, c] if k % 2 == 0 else -frame[k // 2, c]
             z[c] = -multipliers[k - 1, c] if k % 2 == 1 else 0.0
-        above, _, balanced = support(e, torque, p, limit, hover, z, f, points[used])
+        above, _, balanced = support(e, torque, p, limit, hover, z, f, points[used], scratch)
         if above < upper:
             upper = above
             worst[:3], worst[3:] = (z, e) if torque else (e, z)
@@ -187,7 +188,7 @@ def radius(torque, p, limit, hover, frame, tolerance, work, worst):
         for c in range(3):
             e[c] = planes[weakest, c]
         _guess(directions, multipliers, facets[weakest], e, z)
-        above, below, balanced = support(e, torque, p, limit, hover, z, f, points[used])
+        above, below, balanced = support(e, torque, p, limit, hover, z, f, points[used], scratch)
         if above < upper:
             upper = above
             worst[:3], worst[3:] = (z, e) if torque else (e, z)

@@ -89,7 +89,7 @@ def _solve(h, g, out):
 
 
 @jit
-def _kink(e, z, p, limit, hover, f):
+def _kink(e, z, p, limit, hover, f, v, rest):
     """Weber's vertex test (torque slice) at the apparatus nearest to the twist axis.
 
     True where r_j = 0 is the minimum: then z is set there and f (n, 3) balances exactly.
@@ -101,7 +101,7 @@ def _kink(e, z, p, limit, hover, f):
         if x * x + y * y + w * w < least:
             nearest, least = j, x * x + y * y + w * w
     x, y, w = _reach(e, z, True, p, nearest)
-    v, rest, room = np.empty(3), np.empty(3), 0.0
+    room = 0.0
     v[0], v[1], v[2] = z[0] - x, z[1] - y, z[2] - w
     rest[0], rest[1], rest[2] = hover[0], hover[1], hover[2]
     for j in range(n):
@@ -125,10 +125,9 @@ def _kink(e, z, p, limit, hover, f):
 
 
 @jit
-def _newton(e, z, torque, p, limit, hover, smooth, f, steps):
+def _newton(e, z, torque, p, limit, hover, smooth, f, steps, scratch):
     """Newton's method with halved steps from z, in place; 1 converged, 2 at a kink, 0 neither."""
-    gradient, hessian, step = np.empty(3), np.empty(6), np.empty(3)
-    trial = np.empty(3)
+    gradient, hessian, step, trial, v, rest = scratch
     now = value(e, z, torque, p, limit, hover, smooth)
     small = BALANCED * limit.sum()
     for _ in range(steps):
@@ -145,34 +144,40 @@ def _newton(e, z, torque, p, limit, hover, smooth, f, steps):
             if new <= now + 1e-4 * share * slope + 1e-15 * abs(now):
                 break
             share *= 0.5
-        if torque and share < 1.0 and _kink(e, trial, p, limit, hover, f):
+        if torque and share < 1.0 and _kink(e, trial, p, limit, hover, f, v, rest):
             z[:] = trial
             return 2
         if share <= 1e-4:
             return 0
-        z[:] = trial
+        z[0], z[1], z[2] = trial[0], trial[1], trial[2]
         now = new
     return 0
 
 
 @jit
-def support(e, torque, p, limit, hover, z, f, point):
+def scratch_space():
+    """Returns the small arrays that `support` uses over and over."""
+    return np.empty(3), np.empty(6), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+
+
+@jit
+def support(e, torque, p, limit, hover, z, f, point, scratch):
     """Bounds g along the unit `e` (3,); returns (upper, lower, balanced).
 
     `z` (3,) is the start and ends as the minimum; `f` (n, 3) the forces; `point` (3,) the slice's
-    point seen from hover, meaningful where `balanced`.
+    point seen from hover, meaningful where `balanced`; `scratch` comes from `scratch_space`.
     """
     state = 0
-    if torque and _kink(e, z, p, limit, hover, f):
+    if torque and _kink(e, z, p, limit, hover, f, scratch[4], scratch[5]):
         state = 2
     else:
-        state = _newton(e, z, torque, p, limit, hover, 1e-10, f, 12)
+        state = _newton(e, z, torque, p, limit, hover, 1e-10, f, 12, scratch)
     if state == 0:  # close to a kink: approach it through rounder and rounder norms, backwards
         smooth = 0.1
         best = z.copy()
         kept = f.copy()
         while smooth > 1e-10:
-            if _newton(e, z, torque, p, limit, hover, smooth, f, 25) == 0:
+            if _newton(e, z, torque, p, limit, hover, smooth, f, 25, scratch) == 0:
                 break
             state = 1
             best[:], kept[:] = z, f
