@@ -3,7 +3,7 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -20,18 +20,8 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     Raises:
         SnakegenError: the folder cannot be made or written, or the disk is full.
     """
-    path = Path(path)
     data = content.encode() if isinstance(content, str) else content
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            beside.write_bytes(data)
-            os.replace(beside, path)
-        finally:
-            beside.unlink(missing_ok=True)
-    except OSError as error:
-        raise SnakegenError(f"{path}: cannot be written ({_reason(error)}).") from None
+    replace_whole(path, lambda beside: beside.write_bytes(data))
 
 
 @contextmanager
@@ -80,3 +70,22 @@ def _move_in(new: Path, target: Path) -> None:
         os.replace(retired, target)
         raise
     shutil.rmtree(retired, ignore_errors=True)
+
+
+def replace_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Lets `write` fill a file beside `path`, then renames it over `path`.
+
+    Raises:
+        SnakegenError: the file cannot be written; what stood at `path` is untouched.
+    """
+    path = Path(path)
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            write(beside)
+            os.replace(beside, path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        raise SnakegenError(f"{path}: cannot be written ({_reason(error)}).") from None

@@ -123,9 +123,7 @@ def applies(robot: Robot) -> bool:
     return bool(robot.modules.apparatuses) and robot.floating
 
 
-def analyze(
-    robot: Robot, q: Floats, tolerance: float = 1e-3, failures: bool = False
-) -> Margins:
+def analyze(robot: Robot, q: Floats, tolerance: float = 1e-3, failures: bool = False) -> Margins:
     """Returns the margins of THEORY A4 at q for both modes.
 
     Vectored: gimbals free, each apparatus force in a ball at its point of the posture's gimbal
@@ -139,16 +137,12 @@ def analyze(
     names = [r.link for m in robot.modules.apparatuses for r in m.rotors]
     units = [f"apparatus {j + 1}" for j in range(limit.size)]
     controller = {
-        "dual_rotor": _slices(
-            thrust_controller(a.dual, low, high, a.hover_wrench, **scale)
-        )
+        "dual_rotor": _slices(thrust_controller(a.dual, low, high, a.hover_wrench, **scale))
     }
     vectored: dict[str, Weakest] = {}
     closed = False
     if robot.gimbal_names:
-        v = vectored_margins(
-            a.thrust_points, limit, a.hover_wrench, tolerance=tolerance, **scale
-        )
+        v = vectored_margins(a.thrust_points, limit, a.hover_wrench, tolerance=tolerance, **scale)
         closed = bool(v.closed)
         vectored = {n: _weakest(v, n, units) for n in ("wrench", "force", "torque")}
         controller["virtual_single_rotor"] = _slices(

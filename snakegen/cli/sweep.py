@@ -1,0 +1,199 @@
+"""`snakegen analyze sweep`: margins of many postures to Parquet, with a map."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from snakegen.cli.flight import progress_bar
+from snakegen.cli.options import (
+    json_option,
+    modules_option,
+    note,
+    override_options,
+    print_json,
+    print_rows,
+    robot_argument,
+    robot_of,
+)
+
+
+@click.command()
+@robot_argument
+@click.option("--samples", type=int, default=10_000, show_default=True, help="How many postures.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the samples.")
+@click.option(
+    "--sampling", type=click.Choice(["sobol", "lhs", "random", "walk", "grid"]), default="sobol",
+    show_default=True, help="How postures are chosen within the joint limits.",
+)  # fmt: skip
+@click.option(
+    "--from", "table", metavar="FILE", type=click.Path(), help="CSV or Parquet of postures."
+)
+@click.option(
+    "--joints", metavar="A,B,…", help="Joints to vary; all that shape the body by default."
+)
+@click.option("--base-rpy", metavar="R,P,Y", help="Attitude of the root link in rad.")
+@click.option(
+    "--tolerance", type=float, default=1e-3, show_default=True, help="Of certified margins."
+)
+@click.option("-o", "--out", metavar="FILE.parquet", type=click.Path(), help="The table to write.")
+@click.option("--resume", is_flag=True, help="Go on with an interrupted sweep.")
+@click.option("--workers", type=int, help="Processes; all cores by default.")
+@click.option("--cluster", metavar="ADDRESS", help="Dask scheduler, as in tcp://10.0.0.5:8786.")
+@click.option("--worst", is_flag=True, help="Refine the worst posture by local search.")
+@click.option(
+    "--margin", "column", default="force_margin", show_default=True, help="For --worst, --map."
+)
+@click.option("--map", "axes", metavar="JOINT,JOINT", help="Picture of the margin over two joints.")
+@override_options
+@modules_option
+@json_option
+def sweep(
+    robot: str,
+    samples: int,
+    seed: int,
+    sampling: str,
+    table: str | None,
+    joints: str | None,
+    base_rpy: str | None,
+    tolerance: float,
+    out: str | None,
+    resume: bool,
+    workers: int | None,
+    cluster: str | None,
+    worst: bool,
+    column: str,
+    axes: str | None,
+    links: int | None,
+    apparatus: str | None,
+    overrides: tuple[str, ...],
+    modules: str | None,
+    as_json: bool,
+) -> None:
+    """Certified margins of many postures of ROBOT, as Parquet; gimbals point up in each.
+
+    \b
+    Example:
+      snakegen analyze sweep dragon4 --samples 20000 --worst --map joint1_yaw,joint2_yaw
+      snakegen analyze sweep dragon4 --from postures.csv -o margins.parquet
+    """
+    import pyarrow.parquet as pq
+
+    from snakegen.sweep.run import sweep as run
+    from snakegen.sweep.samples import chosen_joints, draw, read_table
+
+    machine = robot_of(robot, links, apparatus, overrides, modules)
+    names = chosen_joints(machine, joints)
+    low, high, _ = machine.limits(names)
+    drawn = (
+        read_table(Path(table), names, low, high)
+        if table
+        else draw(sampling, samples, seed, low, high)
+    )
+    path = Path(out) if out else Path("generated") / machine.name / "sweep.parquet"
+    identity = {
+        "seed": seed,
+        "sampling": "table" if table else sampling,
+        "spec": _spec_text(robot, links, apparatus, overrides),
+    }
+    with progress_bar(f"{machine.name} sweep") as step:
+        run(
+            machine, names, drawn, path, base_rpy=_rpy(base_rpy), tolerance=tolerance,
+            identity=identity, resume=resume, workers=workers, cluster=cluster, progress=step,
+        )  # fmt: skip
+    found = pq.read_table(path)
+    summary = _summary(found, column)
+    picture = None
+    if axes:
+        from snakegen.plot_sweep import sweep_map
+
+        first, _, second = axes.partition(",")
+        picture = path.with_suffix(".png")
+        sweep_map(picture, machine, found, column, (first.strip(), second.strip()))
+    if worst:
+        summary["worst"] = _refine(machine, names, base_rpy, tolerance, found, column)
+    files = {"table": str(path)} | ({"map": str(picture)} if picture else {})
+    if as_json:
+        print_json(files | summary)
+        return
+    for file in files.values():
+        note(file)
+    print_rows(f"{machine.name}: sweep of {found.num_rows:,} postures", _rows(summary))
+
+
+def _spec_text(
+    robot: str, links: int | None, apparatus: str | None, overrides: tuple[str, ...]
+) -> str:
+    from snakegen import yaml_file
+    from snakegen.spec_file import load_spec
+
+    if robot.endswith((".urdf", ".xml")):
+        return ""
+    spec = load_spec(robot, links=links, apparatus=apparatus, overrides=overrides)
+    return yaml_file.dump(spec.resolved())
+
+
+def _rpy(text: str | None) -> tuple[float, float, float]:
+    from snakegen.errors import PostureError
+
+    if text is None:
+        return (0.0, 0.0, 0.0)
+    try:
+        r, p, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise PostureError(f"--base-rpy '{text}': write three angles, as in 0,0.2,0.") from None
+    return (r, p, y)
+
+
+def _summary(found: Any, column: str) -> dict[str, Any]:
+    import numpy as np
+
+    from snakegen.errors import AnalysisError
+
+    if column not in found.column_names:
+        raise AnalysisError(
+            f"no margin '{column}' in the sweep; there are {', '.join(found.column_names)}."
+        )
+    values = np.asarray(found[column], float)
+    finite = values[np.isfinite(values)]
+    quantiles = np.quantile(finite, [0.0, 0.01, 0.5, 1.0]) if finite.size else [np.nan] * 4
+    names = ("least", "percentile_1", "median", "largest")
+    return {
+        "postures": found.num_rows,
+        "margin": column,
+        "infeasible_share": 1.0 - finite.size / max(len(values), 1),
+        "closed_share": float(np.mean(np.asarray(found["closed"]))),
+        "self_collision_share": float(np.mean(np.asarray(found["self_collision"]))),
+    } | {n: float(v) for n, v in zip(names, quantiles, strict=True)}
+
+
+def _refine(
+    machine: Any, names: Any, base_rpy: str | None, tolerance: float, found: Any, column: str
+) -> dict[str, Any]:
+    from snakegen.geometry import rotation_from_rpy
+    from snakegen.sweep.batch import Body
+    from snakegen.sweep.worst import refine
+
+    body = Body.of(machine, names, rotation_from_rpy(_rpy(base_rpy)), tolerance)
+    w = refine(body, found, column)
+    return {
+        "posture": {n: float(a) for n, a in zip(w.joints, w.angles, strict=True)},
+        "lower": w.lower,
+        "upper": w.upper,
+        "least_sampled": w.sampled,
+    }
+
+
+def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    rows = [
+        (summary["margin"], f"least {summary['least']:.4g}, 1 % {summary['percentile_1']:.4g}, "
+                            f"median {summary['median']:.4g}, largest {summary['largest']:.4g}"),
+        ("hover out of reach", f"{100 * summary['infeasible_share']:.2f} %"),
+        ("certified bounds closed", f"{100 * summary['closed_share']:.2f} %"),
+        ("self-colliding", f"{100 * summary['self_collision_share']:.2f} %"),
+    ]  # fmt: skip
+    if "worst" in summary:
+        w = summary["worst"]
+        angles = ", ".join(f"{n} {a:+.4f}" for n, a in w["posture"].items())
+        rows.append(("worst posture", f"{w['lower']:.6g} … {w['upper']:.6g} at {angles}"))
+    return rows

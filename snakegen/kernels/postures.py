@@ -1,0 +1,165 @@
+"""From joint angles to everything that margins need, for a batch of postures in one call."""
+
+import numpy as np
+
+from snakegen.kernels.chain import centre_of_gravity, forward_into
+from snakegen.kernels.jit import jit
+from snakegen.kernels.tree import Floats, Gimbals, Ints, Rotors, Tree
+from snakegen.kernels.vectoring import mounts, point_thrust
+from snakegen.kernels.wrench_map import dual_map, rotor_frames, thrust_points
+
+
+@jit
+def hover_postures(
+    tree: Tree,
+    rotors: Rotors,
+    gimbals: Gimbals,
+    low: Floats,
+    high: Floats,
+    base: Floats,
+    joints: Ints,
+    samples: Floats,
+    gravity: float,
+    dual: Floats,
+    points: Floats,
+    hover: Floats,
+    spine: Floats,
+    discs: Floats,
+    bodies: Ints,
+    ends: Floats,
+) -> None:
+    """Fills the allocation of m postures, every thrust pointed up first; root-link axes, CoG.
+
+    Args:
+        tree, rotors, gimbals: the robot.
+        low, high: (n-1,) rad, limits of all joints.
+        base: (3, 3) attitude of the root link, one for all.
+        joints: (k,) indices into the tree's angles of the joints that are sampled.
+        samples: (m, k) rad.
+        gravity: m/s².
+        dual: (m, 6, n_rotors), filled.
+        points: (m, Ñ, 3) m, filled.
+        hover: (m, 6), filled.
+        spine: (m, L, 2, 3) m, filled: the segments of the links, world axes.
+        discs: (m, n_rotors, 3) m, filled: rotor centres, world axes.
+        bodies: (L,) body of each segment.
+        ends: (L, 2, 3) m, its ends in that body.
+    """
+    n = tree.parent.shape[0]
+    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
+    angles, origin, up = np.empty(n - 1), np.zeros(3), np.empty(3)
+    last, lower, upper, found = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    for k in range(3):
+        up[k] = base[2, k]
+    for s in range(samples.shape[0]):
+        angles[:] = 0.0
+        for k in range(joints.shape[0]):
+            angles[joints[k]] = samples[s, k]
+        forward_into(tree, base, origin, angles, rotation, position)
+        mass, cog = centre_of_gravity(tree, rotation, position)
+        m, _ = mounts(tree, rotors, gimbals, rotation, position, cog, base)
+        for j in range(gimbals.link_body.shape[0]):
+            first = min(gimbals.roll_body[j], gimbals.pitch_body[j])
+            second = max(gimbals.roll_body[j], gimbals.pitch_body[j])
+            if first < 0:
+                first, second = second, -1
+            lower[:], upper[:] = 0.0, 0.0
+            if first >= 0:
+                lower[0], upper[0] = low[first - 1], high[first - 1]
+            if second >= 0:
+                lower[1], upper[1] = low[second - 1], high[second - 1]
+            point_thrust(m, j, up, last, lower, upper, found)
+            if first >= 0:
+                angles[first - 1] = found[0]
+            if second >= 0:
+                angles[second - 1] = found[1]
+        forward_into(tree, base, origin, angles, rotation, position)
+        mass, cog = centre_of_gravity(tree, rotation, position)
+        places, axes = rotor_frames(rotors, rotation, position, cog, base)
+        dual[s] = dual_map(rotors, places, axes)
+        points[s] = thrust_points(gimbals, rotation, position, cog, base)
+        for k in range(3):
+            hover[s, k] = mass * gravity * up[k]
+            hover[s, 3 + k] = 0.0
+        for r in range(discs.shape[1]):
+            for k in range(3):
+                discs[s, r, k] = cog[k]
+                for c in range(3):
+                    discs[s, r, k] += base[k, c] * places[r, c]
+        for i in range(bodies.shape[0]):
+            b = bodies[i]
+            for e in range(2):
+                for k in range(3):
+                    spine[s, i, e, k] = position[b, k]
+                    for c in range(3):
+                        spine[s, i, e, k] += rotation[b, k, c] * ends[i, e, c]
+
+
+@jit
+def segment_distance(a: Floats, b: Floats, c: Floats, d: Floats) -> float:
+    """Returns the least distance [m] between segments a–b and c–d (Ericson's clamped form)."""
+    uu = uv = vv = ur = vr = 0.0
+    for k in range(3):
+        u, v, r = b[k] - a[k], d[k] - c[k], a[k] - c[k]
+        uu += u * u
+        uv += u * v
+        vv += v * v
+        ur += u * r
+        vr += v * r
+    bottom = uu * vv - uv * uv
+    s = 0.0
+    if bottom > 1e-12 * uu * vv:
+        s = min(max((uv * vr - ur * vv) / bottom, 0.0), 1.0)
+    t = (uv * s + vr) / vv if vv > 0.0 else 0.0
+    if t < 0.0 or t > 1.0:
+        t = min(max(t, 0.0), 1.0)
+        s = min(max((uv * t - ur) / uu, 0.0), 1.0) if uu > 0.0 else 0.0
+    total = 0.0
+    for k in range(3):
+        gap = a[k] + s * (b[k] - a[k]) - c[k] - t * (d[k] - c[k])
+        total += gap * gap
+    return float(np.sqrt(total))
+
+
+@jit
+def self_distances(
+    spine: Floats,
+    discs: Floats,
+    rods: Floats,
+    radii: Floats,
+    owner: Ints,
+    out: Floats,
+) -> None:
+    """Writes the least clearance (m,) [m] of each posture: links as capsules, rotors as balls.
+
+    Neighbouring links are left out, as are a rotor's own link and rotors of one apparatus.
+
+    Args:
+        spine: (m, L, 2, 3) m.
+        discs: (m, n, 3) m.
+        rods: (L,) m, radii of the links.
+        radii: (n,) m, radii of the rotors.
+        owner: (n,) index of the link that carries the rotor.
+        out: (m,), filled; inf where nothing can touch.
+    """
+    links, rotors = rods.shape[0], radii.shape[0]
+    for s in range(spine.shape[0]):
+        best = np.inf
+        for i in range(links):
+            for j in range(i + 2, links):
+                gap = segment_distance(
+                    spine[s, i, 0], spine[s, i, 1], spine[s, j, 0], spine[s, j, 1]
+                )
+                best = min(best, gap - rods[i] - rods[j])
+        for r in range(rotors):
+            for i in range(links):
+                if i == owner[r]:
+                    continue
+                gap = segment_distance(discs[s, r], discs[s, r], spine[s, i, 0], spine[s, i, 1])
+                best = min(best, gap - radii[r] - rods[i])
+            for t in range(r + 1, rotors):
+                if owner[r] == owner[t]:
+                    continue
+                gap = segment_distance(discs[s, r], discs[s, r], discs[s, t], discs[s, t])
+                best = min(best, gap - radii[r] - radii[t])
+        out[s] = best

@@ -1,0 +1,80 @@
+"""The worst posture: local search from the worst rows of a sweep, certified at the end."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from snakegen.errors import AnalysisError
+from snakegen.geometry import Floats
+from snakegen.sweep.batch import Body, evaluate
+
+STARTS = 8
+_ROUNDS = 40
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The posture with the least margin found, and its certified bounds."""
+
+    column: str
+    joints: tuple[str, ...]
+    angles: Floats
+    lower: float
+    upper: float
+    sampled: float  # the least value among the samples
+    postures: int  # evaluated by the search
+
+
+def refine(body: Body, table: pa.Table, column: str) -> Worst:
+    """Returns the local minimum of `column` reached from the worst rows of `table`.
+
+    A pattern search: from each of the worst rows, random directions with a step that halves when
+    nothing improves; all candidates of a round are evaluated in one batch. What it returns is a
+    certified margin of a real posture, not a proof that no posture is worse.
+
+    Raises:
+        AnalysisError: no such column, or no finite value in it.
+    """
+    if column not in table.column_names or column in body.joints:
+        known = [c for c in table.column_names if c not in body.joints]
+        raise AnalysisError(f"no margin '{column}' in the sweep; there are {', '.join(known)}.")
+    values = np.asarray(table[column], float)
+    values = np.where(np.isfinite(values), values, np.inf)
+    if not np.isfinite(values).any():
+        raise AnalysisError(f"'{column}' is finite at no posture of the sweep.")
+    low, high, _ = body.robot.limits(body.joints)
+    order = np.argsort(values)[:STARTS]
+    at = np.stack([np.asarray(table[n], float)[order] for n in body.joints], axis=1)
+    best, step = values[order], np.full(len(order), 0.1)
+    rng, count = np.random.default_rng(0), 0
+    k = at.shape[1]
+    for _ in range(_ROUNDS):
+        moves = rng.normal(size=(len(at), 2 * k, k))
+        moves /= np.linalg.norm(moves, axis=2, keepdims=True)
+        tried = np.clip(at[:, None] + step[:, None, None] * moves * (high - low), low, high)
+        found = evaluate(body, tried.reshape(-1, k))
+        count += tried.shape[0] * tried.shape[1]
+        score = np.asarray(found[column], float).reshape(len(at), -1)
+        score = np.where(np.isfinite(score), score, np.inf)
+        pick = score.argmin(axis=1)
+        rows = np.arange(len(at))
+        better = score[rows, pick] < best
+        at[better] = tried[rows, pick][better]
+        best = np.where(better, score[rows, pick], best)
+        step = np.where(better, step, 0.5 * step)
+        if np.all(step < 1e-5):
+            break
+    i = int(np.argmin(best))
+    sure = evaluate(body, at[i : i + 1])
+    upper = f"{column}_upper"
+    lower_value = float(sure[column][0].as_py())
+    return Worst(
+        column,
+        body.joints,
+        at[i],
+        lower_value,
+        float(sure[upper][0].as_py()) if upper in sure.column_names else lower_value,
+        float(values.min()),
+        count,
+    )
