@@ -1,4 +1,4 @@
-"""Which postures a sweep visits: grids, space-filling samples, walks, or a table of a person's own."""
+"""Which postures a sweep visits: grids, space-filling samples, walks, or a person's own table."""
 
 from pathlib import Path
 
@@ -53,7 +53,9 @@ def draw(kind: str, count: int, seed: int, low: Floats, high: Floats) -> Floats:
         side = int(np.floor(count ** (1.0 / k) + 1e-9))
         if side < 2:
             raise AnalysisError(f"--samples {count} is no grid: 2 points a joint need {2**k}.")
-        axes = np.meshgrid(*(np.linspace(a, b, side) for a, b in zip(low, high)), indexing="ij")
+        axes = np.meshgrid(
+            *(np.linspace(a, b, side) for a, b in zip(low, high, strict=True)), indexing="ij"
+        )
         return np.stack([a.ravel() for a in axes], axis=1)
     if kind == "walk":
         steps = rng.normal(0.0, _STEP, (count, k))

@@ -1,0 +1,247 @@
+"""Sweeps: batch against single, determinism, resuming, dead workers, a cluster, bad tables."""
+
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from snakegen.analysis import margin
+from snakegen.errors import AnalysisError
+from snakegen.kernels.postures import segment_distance
+from snakegen.posture import hover_gimbals
+from snakegen.robot import Robot, load
+from snakegen.sweep import run as running
+from snakegen.sweep.batch import Body, evaluate
+from snakegen.sweep.run import sweep, work
+from snakegen.sweep.samples import KINDS, chosen_joints, draw, read_table
+from snakegen.sweep.store import identity_of
+from snakegen.sweep.worst import refine
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load("dragon4")
+
+
+@pytest.fixture(scope="module")
+def body(robot: Robot) -> Body:
+    return Body.of(robot, robot.chain_joints, np.eye(3), 1e-3)
+
+
+def some(robot: Robot, count: int, seed: int = 0) -> np.ndarray:
+    low, high, _ = robot.limits(robot.chain_joints)
+    return draw("random", count, seed, low, high)
+
+
+def test_a_row_is_what_the_analysis_of_one_posture_says(robot: Robot, body: Body) -> None:
+    samples = some(robot, 6)
+    table = evaluate(body, samples)
+    for i, row in enumerate(samples):
+        angles = dict(zip(robot.chain_joints, row, strict=True))
+        q = hover_gimbals(robot, robot.configuration(angles))
+        one = margin.analyze(robot, q)
+        for name in ("force", "torque"):
+            low, high = one.vectored[name].bounds
+            assert table[f"{name}_margin"][i].as_py() == pytest.approx(low, rel=2e-3)
+            assert table[f"{name}_margin_upper"][i].as_py() == pytest.approx(high, rel=2e-3)
+        dual = table["dual_attitude_altitude_margin"][i].as_py()
+        assert dual == pytest.approx(one.dual["attitude_altitude"].value, rel=1e-9)
+
+
+def test_a_tilted_base_turns_the_hover_wrench(robot: Robot) -> None:
+    from snakegen.geometry import rotation_from_rpy
+
+    tilted = Body.of(robot, robot.chain_joints, rotation_from_rpy((0.4, -0.3, 0.2)), 1e-3)
+    samples = some(robot, 3, seed=3)
+    table = evaluate(tilted, samples)
+    for i, row in enumerate(samples):
+        angles = dict(zip(robot.chain_joints, row, strict=True))
+        q = robot.configuration(angles, base_rpy=(0.4, -0.3, 0.2))
+        one = margin.analyze(robot, hover_gimbals(robot, q)).vectored["torque"]
+        assert table["torque_margin"][i].as_py() == pytest.approx(one.bounds[0], rel=2e-3)
+
+
+def test_segment_distance_is_the_least_over_a_fine_grid() -> None:
+    rng = np.random.default_rng(1)
+    at = np.linspace(0.0, 1.0, 201)[:, None]
+    for _ in range(50):
+        a, b, c, d = rng.normal(size=(4, 3))
+        first, second = a + at * (b - a), c + at * (d - c)
+        brute = np.linalg.norm(first[:, None] - second[None], axis=2).min()
+        found = segment_distance(a, b, c, d)
+        assert found <= brute + 1e-12
+        assert found == pytest.approx(brute, abs=2e-2)
+    assert segment_distance(a, a, c, c) == pytest.approx(np.linalg.norm(a - c))
+
+
+def test_folding_onto_itself_is_flagged(robot: Robot, body: Body) -> None:
+    """Three right-angled yaws bring the fourth link's tip to the first link's start."""
+    names = list(robot.chain_joints)
+    square = np.array([[1.6 if n.endswith("_yaw") else 0.0 for n in names]])
+    table = evaluate(body, np.vstack([square, np.zeros_like(square)]))
+    assert table["self_distance"][0].as_py() < table["self_distance"][1].as_py()
+    assert table["self_collision"].to_pylist() == [table["self_distance"][0].as_py() < 0, False]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_samples_stay_inside_and_repeat(kind: str) -> None:
+    low, high = np.array([-1.0, 0.2]), np.array([0.5, 0.9])
+    first, again = (draw(kind, 4096, 7, low, high) for _ in range(2))
+    assert np.array_equal(first, again)
+    assert np.all(first >= low - 1e-12) and np.all(first <= high + 1e-12)
+    assert np.ptp(first, axis=0) == pytest.approx(high - low, rel=0.5)
+    if kind != "grid":
+        assert not np.array_equal(first, draw(kind, 4096, 8, low, high))
+
+
+def test_workers_do_not_change_the_table(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    samples = some(robot, 50)
+    whole = sweep(robot, robot.chain_joints, samples, tmp_path / "whole.parquet", workers=1)
+    monkeypatch.setattr(running, "PART", 16)
+    split = sweep(robot, robot.chain_joints, samples, tmp_path / "split.parquet", workers=1)
+    assert pq.read_table(whole).equals(pq.read_table(split))
+    said = identity_of(split)
+    assert said["urdf_sha256"] == robot.urdf_hash and said["postures"] == 50
+
+
+def test_an_interrupted_sweep_resumes(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "PART", 10)
+    samples, path = some(robot, 35), tmp_path / "s.parquet"
+    calls = []
+
+    def stops(job: object, rows: np.ndarray) -> pa.Table:
+        calls.append(len(rows))
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return work(job, rows)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(running, "work", stops)
+    with pytest.raises(KeyboardInterrupt):
+        sweep(robot, robot.chain_joints, samples, path, workers=1)
+    assert not path.exists()
+    sweep(robot, robot.chain_joints, samples, path, workers=1, resume=True)
+    assert calls == [10, 10, 10, 10, 5]  # two parts kept, the third and fourth made now
+    assert pq.read_table(path).num_rows == 35
+    assert not path.with_name("s.parquet.parts").exists()
+
+
+def test_parts_of_another_sweep_are_refused(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "work", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    path = tmp_path / "s.parquet"
+    with pytest.raises(KeyboardInterrupt):
+        sweep(robot, robot.chain_joints, some(robot, 5), path, workers=1)
+    with pytest.raises(AnalysisError, match="another sweep: its samples_sha256 differ"):
+        sweep(robot, robot.chain_joints, some(robot, 5, 1), path, workers=1, resume=True)
+
+
+def test_a_killed_worker_loses_nothing(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "PART", 400)
+    samples, path, killed = some(robot, 2000), tmp_path / "s.parquet", []
+
+    def kill_one(done: int, total: int) -> None:
+        if not killed:
+            import multiprocessing
+
+            child = multiprocessing.active_children()[0]
+            killed.append(child.pid)
+            os.kill(child.pid, signal.SIGKILL)  # type: ignore[arg-type]
+
+    sweep(robot, robot.chain_joints, samples, path, workers=2, progress=kill_one)
+    assert killed
+    assert pq.read_table(path).equals(evaluate_whole(robot, samples, path))
+
+
+def evaluate_whole(robot: Robot, samples: np.ndarray, path: Path) -> pa.Table:
+    """Returns the table of the same samples made in this process, with the file's metadata."""
+    table = evaluate(Body.of(robot, robot.chain_joints, np.eye(3), 1e-3), samples)
+    return table.replace_schema_metadata(pq.read_schema(path).metadata)
+
+
+def test_a_cluster_runs_the_same_sweep_and_survives_a_dead_worker(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(running, "PART", 400)
+    samples, path, killed = some(robot, 2000), tmp_path / "s.parquet", []
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+
+        def kill_one(done: int, total: int) -> None:
+            if not killed:
+                killed.append(next(iter(cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        sweep(
+            robot, robot.chain_joints, samples, path,
+            cluster=cluster.scheduler_address, progress=kill_one,
+        )  # fmt: skip
+    assert killed
+    assert pq.read_table(path).equals(evaluate_whole(robot, samples, path))
+
+
+def test_a_cluster_that_is_not_there_is_one_line(robot: Robot, tmp_path: Path) -> None:
+    with pytest.raises(AnalysisError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
+        sweep(
+            robot, robot.chain_joints, some(robot, 4), tmp_path / "s.parquet",
+            cluster="tcp://127.0.0.1:9",
+        )  # fmt: skip
+
+
+def test_the_worst_posture_is_worse_than_the_samples_and_certified(
+    robot: Robot, body: Body
+) -> None:
+    table = evaluate(body, some(robot, 300))
+    found = refine(body, table, "torque_margin")
+    assert found.lower <= found.sampled == min(table["torque_margin"].to_pylist())
+    assert found.lower <= found.upper
+    again = evaluate(body, found.angles[None])
+    assert again["torque_margin"][0].as_py() == pytest.approx(found.lower)
+    with pytest.raises(AnalysisError, match="no margin 'torq' in the sweep"):
+        refine(body, table, "torq")
+
+
+def test_tables_of_a_person(robot: Robot, tmp_path: Path) -> None:
+    names = robot.chain_joints
+    low, high, _ = robot.limits(names)
+    good = tmp_path / "good.csv"
+    good.write_text(",".join(names) + "\n" + "\n".join("0.1,0.2,0.3,0.4,0.5,0.6" for _ in range(3)))
+    assert read_table(good, names, low, high).shape == (3, 6)
+    cases = {
+        "row 2: joint1_yaw = nan is not a number": "0,0,0,0,0,0\n0,nan,0,0,0,0",
+        "row 1: joint1_pitch = 9 is outside": "9,0,0,0,0,0",
+        "has no rows": "",
+    }
+    for message, rows in cases.items():
+        bad = tmp_path / "bad.csv"
+        bad.write_text(",".join(names) + "\n" + rows + "\n")
+        with pytest.raises(AnalysisError, match=message):
+            read_table(bad, names, low, high)
+    with pytest.raises(AnalysisError, match="has no column 'joint1_pitch'"):
+        bad.write_text("a,b\n1,2\n")
+        read_table(bad, names, low, high)
+    with pytest.raises(AnalysisError, match="cannot be read"):
+        read_table(tmp_path / "none.parquet", names, low, high)
+
+
+def test_bad_requests_are_one_line(robot: Robot) -> None:
+    with pytest.raises(AnalysisError, match="Did you mean 'joint1_yaw'"):
+        chosen_joints(robot, "joint1_yav")
+    with pytest.raises(AnalysisError, match="is a gimbal"):
+        chosen_joints(robot, "gimbal1_roll")
+    with pytest.raises(AnalysisError, match="between 1 and"):
+        draw("sobol", 0, 0, np.zeros(2), np.ones(2))
+    with pytest.raises(AnalysisError, match="needs rotors"):
+        Body.of(load("arm6"), ("joint1_pitch",), np.eye(3), 1e-3)
