@@ -7,16 +7,25 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from snakegen.description.mjcf_rest import GRAVITY, add_from_rest, lowest_point
 from snakegen.errors import DescriptionError
-from snakegen.geometry import quaternion_xyzw, rotation_onto, wxyz_from_xyzw
-from snakegen.modules import Modules
+from snakegen.geometry import (
+    Floats,
+    quaternion_xyzw,
+    rotation_from_xyzw,
+    rotation_onto,
+    wxyz_from_xyzw,
+    xyzw_from_wxyz,
+)
+from snakegen.modules import Modules, Servo
 
-GRAVITY = 9.81
-_DENSE_BELOW = 60  # degrees of freedom: small models solve faster with a dense Jacobian
+__all__ = ["decorate", "lowest_point", "scene"]
+
 _IMPORT = (
     '<mujoco><compiler discardvisual="{}" fusestatic="false" strippath="false" '
     'balanceinertia="false"/></mujoco>'
 )
+_COLLISION_COLOUR = [0.9, 0.3, 0.3, 0.4]
 _VISUAL = re.compile(r"<visual\b.*?</visual>", re.DOTALL)
 
 
@@ -51,12 +60,154 @@ def decorate(
         _rotors(spec, modules)
         _servos(spec, modules)
         _sensors(spec, root, modules)
-        _excludes(spec)
-        _scenery(spec, root)
-        _keyframes(spec, modules)
+        add_from_rest(spec, root, modules)
     except ValueError as error:
         raise DescriptionError(f"MuJoCo cannot take the model: {error}") from None
     return spec
+
+
+def _options(spec: mujoco.MjSpec) -> None:
+    spec.compiler.savecompiled = False
+    spec.compiler.savecanonical = False
+    spec.option.timestep = 0.001
+    spec.option.gravity = [0.0, 0.0, -GRAVITY]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
+
+
+def _classes(spec: mujoco.MjSpec) -> None:
+    """Sorts geoms into what is seen (group 2) and what collides (group 3, translucent)."""
+    visual = spec.add_default("visual", spec.default)
+    visual.geom.contype, visual.geom.conaffinity = 0, 0
+    visual.geom.group, visual.geom.density = 2, 0.0
+    collision = spec.add_default("collision", spec.default)
+    collision.geom.group, collision.geom.rgba = 3, _COLLISION_COLOUR
+    for geom in spec.geoms:
+        if geom.contype == 0 and geom.conaffinity == 0:
+            geom.classname, geom.group = visual, 2
+        else:
+            geom.classname, geom.group, geom.rgba = collision, 3, _COLLISION_COLOUR
+
+
+def _rotors(spec: mujoco.MjSpec, modules: Modules) -> None:
+    """Adds a site and an actuator per rotor: force along the site's z, κ's torque in the gear."""
+    held = {s.joint for s in modules.servos}
+    held |= {n for a in modules.apparatuses for n in (a.roll, a.pitch) if n}
+    for apparatus in modules.apparatuses:
+        for rotor in apparatus.rotors:
+            body, position, rotation = _carrier(spec, rotor.link, held)
+            site = body.add_site(name=rotor.link, size=[0.005] * 3, group=4)
+            turned = rotation @ rotation_onto(rotor.axis)
+            site.pos, site.quat = position, wxyz_from_xyzw(quaternion_xyzw(turned))
+            actuator = spec.add_actuator(
+                name=rotor.link,
+                trntype=mujoco.mjtTrn.mjTRN_SITE,
+                target=rotor.link,
+                gear=[0.0, 0.0, 1.0, 0.0, 0.0, rotor.drag_ratio],
+                ctrlrange=[rotor.thrust_min, rotor.thrust_max],
+            )
+            if rotor.lag > 0:
+                actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+                actuator.dynprm[0] = rotor.lag
+
+
+def _carrier(spec: mujoco.MjSpec, link: str, held: set[str]) -> tuple[Any, Floats, Floats]:
+    """Returns the body that a rotor pushes, and the rotor's position and attitude in it.
+
+    A URDF may let the rotor spin on a continuous joint: thrust and drag then act on what carries
+    that joint, since nothing could hold the drag torque on a shaft that turns freely.
+    """
+    body, position, rotation = spec.body(link), np.zeros(3), np.eye(3)
+    chain, here = [], body
+    while here.name != "world" and not here.joints:
+        chain.append(here)
+        here = here.parent
+    joints = [j for j in here.joints if j.type == mujoco.mjtJoint.mjJNT_HINGE]
+    if not joints or _limited(joints[0]) or joints[0].name in held or _has_joints_below(here):
+        return body, position, rotation
+    for below in (*chain, here):
+        turn = rotation_from_xyzw(xyzw_from_wxyz(np.array(below.quat)))
+        position, rotation = np.array(below.pos) + turn @ position, turn @ rotation
+    return here.parent, position, rotation
+
+
+def _limited(joint: Any) -> bool:
+    return bool(joint.range[0] < joint.range[1])
+
+
+def _has_joints_below(body: Any) -> bool:
+    below = list(body.bodies)
+    while below:
+        here = below.pop()
+        if here.joints:
+            return True
+        below += here.bodies
+    return False
+
+
+def _servos(spec: mujoco.MjSpec, modules: Modules) -> None:
+    """Adds a position servo per driven joint; force limits come from the URDF's effort.
+
+    The limit moves from the joint to its servo: MuJoCo's joint limit also clips what thrust on
+    the links beyond makes of the joint (measured: 0.6 N m lost in hover, and the body folds up).
+    Servos of one make share a class.
+    """
+    gimbals = {n for a in modules.apparatuses for n in (a.roll, a.pitch)}
+    classes: dict[tuple[Any, ...], Any] = {}
+    for servo in modules.servos:
+        kind = "gimbal" if servo.joint in gimbals else "joint"
+        make = (kind, servo.stiffness, servo.damping, servo.armature, servo.friction)
+        if make not in classes:
+            count = sum(key[0] == kind for key in classes)
+            name = f"{kind}_servo{count + 1 if count else ''}"
+            classes[make] = _servo_class(spec, name, servo)
+        joint = spec.joint(servo.joint)
+        effort = float(joint.actfrcrange[1])
+        joint.classname = classes[make]
+        joint.armature, joint.frictionloss = servo.armature, servo.friction
+        joint.actfrclimited, joint.actfrcrange = mujoco.mjtLimited.mjLIMITED_AUTO, [0.0, 0.0]
+        actuator = spec.add_actuator(
+            classes[make],
+            name=servo.joint,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            target=servo.joint,
+        )
+        if effort > 0:
+            actuator.forcerange = [-effort, effort]
+        if _limited(joint):
+            actuator.ctrlrange = list(joint.range)
+
+
+def _servo_class(spec: mujoco.MjSpec, name: str, servo: Servo) -> Any:
+    made = spec.add_default(name, spec.default)
+    made.joint.armature, made.joint.frictionloss = servo.armature, servo.friction
+    made.actuator.set_to_position(kp=servo.stiffness, kv=servo.damping)
+    return made
+
+
+def _sensors(spec: mujoco.MjSpec, root: Any, modules: Modules) -> None:
+    """Adds IMU, pose and velocity of the root link, CoG, and position and torque of each joint."""
+    kind, thing = mujoco.mjtSensor, mujoco.mjtObj
+    root.add_site(name="imu", size=[0.005] * 3, group=4)
+    site, subtree = thing.mjOBJ_SITE, thing.mjOBJ_BODY
+    for name, type_, object_, target in (
+        ("imu_gyro", kind.mjSENS_GYRO, site, "imu"),
+        ("imu_accelerometer", kind.mjSENS_ACCELEROMETER, site, "imu"),
+        ("imu_quaternion", kind.mjSENS_FRAMEQUAT, site, "imu"),
+        ("root_position", kind.mjSENS_FRAMEPOS, site, "imu"),
+        ("root_velocity", kind.mjSENS_FRAMELINVEL, site, "imu"),
+        ("cog_position", kind.mjSENS_SUBTREECOM, subtree, root.name),
+        ("cog_velocity", kind.mjSENS_SUBTREELINVEL, subtree, root.name),
+    ):
+        spec.add_sensor(name=name, type=type_, objtype=object_, objname=target)
+    for suffix, type_, object_ in (
+        ("position", kind.mjSENS_JOINTPOS, thing.mjOBJ_JOINT),
+        ("velocity", kind.mjSENS_JOINTVEL, thing.mjOBJ_JOINT),
+        ("torque", kind.mjSENS_ACTUATORFRC, thing.mjOBJ_ACTUATOR),
+    ):
+        for servo in modules.servos:
+            name = f"{servo.joint}_{suffix}"
+            spec.add_sensor(name=name, type=type_, objtype=object_, objname=servo.joint)
 
 
 def scene(robot_file: str, model: str) -> str:
@@ -83,195 +234,3 @@ def scene(robot_file: str, model: str) -> str:
   </worldbody>
 </mujoco>
 """
-
-
-def _options(spec: mujoco.MjSpec) -> None:
-    spec.compiler.savecompiled = False
-    spec.compiler.savecanonical = False
-    spec.option.timestep = 0.001
-    spec.option.gravity = [0.0, 0.0, -GRAVITY]
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
-
-
-def _classes(spec: mujoco.MjSpec) -> None:
-    visual = spec.add_default("visual", spec.default)
-    visual.geom.contype, visual.geom.conaffinity = 0, 0
-    visual.geom.group, visual.geom.density = 2, 0.0
-    collision = spec.add_default("collision", spec.default)
-    collision.geom.group = 3
-    for geom in spec.geoms:
-        seen = geom.contype == 0 and geom.conaffinity == 0
-        geom.classname, geom.group = (visual, 2) if seen else (collision, 3)
-
-
-def _rotors(spec: mujoco.MjSpec, modules: Modules) -> None:
-    """Adds a site and an actuator per rotor: force along the site's z, κ's torque in the gear."""
-    for apparatus in modules.apparatuses:
-        for rotor in apparatus.rotors:
-            body = spec.body(rotor.link)
-            site = body.add_site(name=rotor.link, size=[0.005] * 3, group=4)
-            site.quat = wxyz_from_xyzw(quaternion_xyzw(rotation_onto(rotor.axis)))
-            actuator = spec.add_actuator(
-                name=rotor.link,
-                trntype=mujoco.mjtTrn.mjTRN_SITE,
-                target=rotor.link,
-                gear=[0.0, 0.0, 1.0, 0.0, 0.0, rotor.drag_ratio],
-                ctrlrange=[rotor.thrust_min, rotor.thrust_max],
-            )
-            if rotor.lag > 0:
-                actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
-                actuator.dynprm[0] = rotor.lag
-
-
-def _servos(spec: mujoco.MjSpec, modules: Modules) -> None:
-    """Adds a position servo per driven joint; force limits come from the URDF's effort.
-
-    The limit moves from the joint to its servo: MuJoCo's joint limit also clips what thrust on
-    the links beyond makes of the joint (measured: 0.6 N m lost in hover, and the body folds up).
-    """
-    for servo in modules.servos:
-        joint = spec.joint(servo.joint)
-        joint.armature = servo.armature
-        joint.frictionloss = servo.friction
-        effort = float(joint.actfrcrange[1])
-        joint.actfrclimited, joint.actfrcrange = mujoco.mjtLimited.mjLIMITED_FALSE, [0.0, 0.0]
-        actuator = spec.add_actuator(
-            name=servo.joint,
-            trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            target=servo.joint,
-            forcerange=[-effort, effort],
-            ctrlrange=list(joint.range),
-        )
-        actuator.set_to_position(kp=servo.stiffness, kv=servo.damping)
-
-
-def _sensors(spec: mujoco.MjSpec, root: Any, modules: Modules) -> None:
-    """Adds IMU, pose and velocity of the root link, CoG, and position and torque of each joint."""
-    kind, thing = mujoco.mjtSensor, mujoco.mjtObj
-    root.add_site(name="imu", size=[0.005] * 3, group=4)
-    site, subtree = thing.mjOBJ_SITE, thing.mjOBJ_BODY
-    for name, type_, object_, target in (
-        ("imu_gyro", kind.mjSENS_GYRO, site, "imu"),
-        ("imu_accelerometer", kind.mjSENS_ACCELEROMETER, site, "imu"),
-        ("imu_quaternion", kind.mjSENS_FRAMEQUAT, site, "imu"),
-        ("root_position", kind.mjSENS_FRAMEPOS, site, "imu"),
-        ("root_velocity", kind.mjSENS_FRAMELINVEL, site, "imu"),
-        ("cog_position", kind.mjSENS_SUBTREECOM, subtree, root.name),
-        ("cog_velocity", kind.mjSENS_SUBTREELINVEL, subtree, root.name),
-    ):
-        spec.add_sensor(name=name, type=type_, objtype=object_, objname=target)
-    for servo in modules.servos:
-        for suffix, type_, object_ in (
-            ("position", kind.mjSENS_JOINTPOS, thing.mjOBJ_JOINT),
-            ("velocity", kind.mjSENS_JOINTVEL, thing.mjOBJ_JOINT),
-            ("torque", kind.mjSENS_ACTUATORFRC, thing.mjOBJ_ACTUATOR),
-        ):
-            name = f"{servo.joint}_{suffix}"
-            spec.add_sensor(name=name, type=type_, objtype=object_, objname=servo.joint)
-
-
-def _excludes(spec: mujoco.MjSpec) -> None:
-    """Excludes contact between bodies one body apart, and between those that touch at rest."""
-    solid = {b.name for b in spec.bodies if any(g.contype for g in b.geoms)}
-    pairs = []
-    for body in spec.bodies:
-        around = [b.name for b in body.bodies]
-        if body.parent is not None and body.parent.name != "world":
-            around.insert(0, body.parent.name)
-        around = [n for n in around if n in solid]
-        if body.name != "world":
-            pairs += [(a, b) for i, a in enumerate(around) for b in around[i + 1 :]]
-    for first, second in pairs:
-        spec.add_exclude(name=f"{first}_{second}", bodyname1=first, bodyname2=second)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    touching = {
-        tuple(model.body(model.geom_bodyid[g]).name for g in contact.geom)
-        for contact in data.contact
-    }
-    for first, second in sorted(touching):
-        spec.add_exclude(name=f"{first}_{second}", bodyname1=first, bodyname2=second)
-
-
-def _extent(spec: mujoco.MjSpec) -> tuple[Any, Any, np.ndarray, float]:
-    """Returns model, data at rest, and centre and half-diagonal [m] of the box round the bodies."""
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    low = (data.geom_xpos - model.geom_rbound[:, None]).min(axis=0)
-    high = (data.geom_xpos + model.geom_rbound[:, None]).max(axis=0)
-    return model, data, 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
-
-
-def _scenery(spec: mujoco.MjSpec, root: Any) -> None:
-    """Adds a camera that follows the robot, a light, and the statistic that viewers start from."""
-    model, _, centre, radius = _extent(spec)
-    spec.stat.center = [0.0, 0.0, 0.5]
-    spec.stat.extent = round(2.0 * radius, 3)
-    if model.nv < _DENSE_BELOW:
-        spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    away = np.array([0.35, -1.0, 0.55])
-    away /= np.linalg.norm(away)
-    right = np.cross([0.0, 0.0, 1.0], away)
-    right /= np.linalg.norm(right)
-    up = np.cross(away, right)
-    camera = root.add_camera(name="track", mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM)
-    camera.pos = [round(float(x), 4) for x in centre + 2.2 * radius * away]
-    camera.quat = wxyz_from_xyzw(quaternion_xyzw(np.column_stack([right, up, away]))).round(6)
-    camera.fovy = 40.0
-    down = np.array([-0.1, 0.3, -1.0])
-    above = centre - (1.5 * radius + 1.5) * down / np.linalg.norm(down)
-    root.add_light(  # near the robot: a far one leaves its shadow coarse
-        name="sun",
-        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM,
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=[round(float(x), 4) for x in above],
-        dir=down,
-        diffuse=[0.55] * 3,
-        castshadow=True,
-    )
-    spec.visual.quality.shadowsize = 8192
-
-
-def _keyframes(spec: mujoco.MjSpec, modules: Modules) -> None:
-    """Adds `home` (1 m up, hover thrust) and `floor` (at rest on the ground, rotors off)."""
-    model, data, _, _ = _extent(spec)
-    thrust = np.zeros(model.nu)
-    rotors = [r for a in modules.apparatuses for r in a.rotors]
-    if rotors:
-        share = float(model.body_mass.sum()) * GRAVITY / len(rotors)
-        for rotor in rotors:
-            thrust[model.actuator(rotor.link).id] = min(share, rotor.thrust_max)
-    home, floor = np.array(model.qpos0), np.array(model.qpos0)
-    if modules.floating:
-        home[2], floor[2] = 1.0, -lowest_point(model, data)
-    act = thrust[[i for i in range(model.nu) if model.actuator_dyntype[i]]]
-    spec.add_key(name="home", qpos=home, ctrl=thrust, act=act)
-    spec.add_key(name="floor", qpos=floor)
-
-
-def lowest_point(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Returns the least height [m] of any collision geom: spheres, capsules, cylinders, boxes."""
-    heights = [float("inf")]
-    kind = mujoco.mjtGeom
-    for g in np.flatnonzero(model.geom_contype):
-        axes = data.geom_xmat[g].reshape(3, 3)
-        size, z = model.geom_size[g], data.geom_xpos[g][2]
-        along = abs(axes[2, 2])
-        across = np.sqrt(max(0.0, 1.0 - along**2))
-        if model.geom_type[g] == kind.mjGEOM_PLANE:
-            continue
-        if model.geom_type[g] == kind.mjGEOM_SPHERE:
-            reach = size[0]
-        elif model.geom_type[g] == kind.mjGEOM_CAPSULE:
-            reach = size[0] + size[1] * along
-        elif model.geom_type[g] == kind.mjGEOM_CYLINDER:
-            reach = size[0] * across + size[1] * along
-        elif model.geom_type[g] == kind.mjGEOM_BOX:
-            reach = float(np.abs(axes[2]) @ size)
-        else:
-            reach = model.geom_rbound[g]
-        heights.append(z - reach)
-    return float(min(heights))
