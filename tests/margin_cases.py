@@ -57,7 +57,9 @@ def hull_margins(a, w, lower, upper):
     rank = int((s > 1e-6 * s[0]).sum()) if s.size else 0
     basis, lost = u[:, :rank], u[:, rank:]
     middle = vertices.mean(axis=0)
-    if np.abs(lost.T @ (w - middle)).max(initial=0.0) > 1e-9:
+    # directions below the rank tolerance are thin, not always without width
+    thickness = 0.5 * np.abs(lost.T @ (a * (upper - lower))).sum(axis=1)
+    if (np.abs(lost.T @ (w - middle)) > thickness + 1e-9).any():
         return np.full(3, np.nan), rank
     flat, at = (vertices - middle) @ basis, (w - middle) @ basis
     if rank == 1:

@@ -224,10 +224,16 @@ def along(q, half, middle, hover, scale, u):
         for c in range(6):
             toward += lost[c, i] * u[c]
             off += lost[c, i] * y[c]
+        thickness = 0.0  # of a set that is thin, below the rank tolerance, and not flat
+        for j in range(n):
+            part = 0.0
+            for c in range(6):
+                part += lost[c, i] * a[c, j]
+            thickness += 0.5 * abs(part)
         if abs(toward) > OFF:
-            t = -off / toward
-            span[0], span[1] = max(span[0], t), min(span[1], t)
-        elif abs(off) > OFF:
+            near, far = (-thickness - off) / toward, (thickness - off) / toward
+            span[0], span[1] = max(span[0], min(near, far)), min(span[1], max(near, far))
+        elif abs(off) > thickness + OFF:
             return np.nan
     r = basis.shape[1]
     if r > 0:
