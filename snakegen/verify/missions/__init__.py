@@ -2,7 +2,9 @@
 
 A mission has a docstring whose first line says what it shows, ``applies(robot) -> bool`` whose
 docstring says what it needs, ``OPTIONS`` (literal: name → [default, help]) and
-``plan(robot, rate, **options) -> Plan`` with `rate` the ticks per second.
+``plan(robot, rate, **options) -> Plan`` with `rate` the ticks per second. What is no aerial
+flight (an arm, a drive) has, instead of `plan`,
+``fly(robot, *, seed, ideal, options, progress) -> Recording`` that returns the judged recording.
 """
 
 import ast
