@@ -29,6 +29,8 @@ def collect(robot: Robot, q: Floats) -> Page:
     """Runs every analysis that applies to `robot` at q."""
     results = {}
     for command, entry in catalogue().items():
+        if not entry.report:
+            continue
         module = entry.load()
         if module.applies(robot):
             results[command] = module.analyze(robot, q)

@@ -1,7 +1,8 @@
 """Analyses, found by folder: every module here is one.
 
 An analysis has ``COMMAND`` (its name on the command line), ``ORDER`` (its place in a report),
-``OPTIONS`` (literal: name → [default, help]), ``applies(robot) -> bool`` and
+``OPTIONS`` (literal: name → [default, help]), perhaps ``REPORT = False`` (not part of a report),
+``applies(robot) -> bool`` and
 ``analyze(robot, q, **options) -> Result``. A Result is a frozen dataclass with ``to_json()`` and
 ``rows()``, (label, text) pairs for people. `catalogue` reads names without importing anything.
 """
@@ -23,6 +24,7 @@ class Entry:
     order: int
     help: str
     options: dict[str, tuple[Any, str]]
+    report: bool = True  # whether a report runs it unasked
 
     def load(self) -> Any:
         """Imports and returns the module."""
@@ -47,7 +49,7 @@ def _read(path: Path) -> Entry | None:
     for node in tree.body:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
             name = node.targets[0].id
-            if name in ("COMMAND", "ORDER", "OPTIONS"):
+            if name in ("COMMAND", "ORDER", "OPTIONS", "REPORT"):
                 constants[name] = ast.literal_eval(node.value)
     if "COMMAND" not in constants:
         return None
@@ -59,4 +61,5 @@ def _read(path: Path) -> Entry | None:
         constants.get("ORDER", 100),
         summary[0] if summary else "",
         options,
+        constants.get("REPORT", True),
     )

@@ -1,0 +1,147 @@
+"""Margins along a joint trajectory: its weakest instant, certified."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from snakegen.errors import AnalysisError
+from snakegen.geometry import Floats
+from snakegen.robot import Robot
+from snakegen.sweep.batch import Body, evaluate
+from snakegen.sweep.samples import read_table
+
+COMMAND = "along"
+ORDER = 65
+REPORT = False  # needs a table
+OPTIONS = {
+    "table": ["", "CSV or Parquet of waypoints: joint names, and a column 'time' if it has one"],
+    "step": [0.02, "rad, largest joint motion between two instants that are checked"],
+    "margin": ["force_margin", "which margin decides the weakest instant"],
+}
+
+
+@dataclass(frozen=True)
+class Along:
+    """Certified margins over a motion; instants are between waypoints too."""
+
+    margin: str
+    time: Floats  # (m,) s, or waypoint count where the table has no time
+    angles: Floats  # (m, k) rad
+    joints: tuple[str, ...]
+    values: dict[str, Floats]
+    timed: bool
+
+    @property
+    def weakest(self) -> int:
+        """The row of the weakest instant; an infeasible hover is the weakest of all."""
+        v = self.values[self.margin]
+        return int(np.argmin(np.where(np.isfinite(v), v, -np.inf)))
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data for a program."""
+        i = self.weakest
+        return {
+            "margin": self.margin,
+            "weakest_at_s" if self.timed else "weakest_at_waypoint": float(self.time[i]),
+            "weakest": float(self.values[self.margin][i]),
+            "posture": {n: float(a) for n, a in zip(self.joints, self.angles[i], strict=True)},
+            "instants": len(self.time),
+            "time": self.time.tolist(),
+        } | {k: v.tolist() for k, v in self.values.items()}
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Returns (label, text) pairs for people."""
+        i, v = self.weakest, self.values[self.margin]
+        where = f"{self.time[i]:.3f} s" if self.timed else f"waypoint {self.time[i] + 1:.2f}"
+        posture = ", ".join(f"{n} {a:+.3f}" for n, a in zip(self.joints, self.angles[i]))
+        lost = int(np.sum(~np.isfinite(v)))
+        rows = [
+            (f"weakest {self.margin}", f"{v[i]:.4g} at {where}"),
+            ("posture there", posture),
+            ("instants checked", f"{len(v)}, largest {np.nanmax(v):.4g}"),
+        ]
+        if lost:
+            rows.append(("hover out of reach", f"at {lost} of them"))
+        hit = int(np.sum(self.values["self_collision"] > 0))
+        if hit:
+            rows.append(("self-colliding", f"at {hit} of them"))
+        return rows
+
+
+def applies(robot: Robot) -> bool:
+    """A robot with gimballed rotors and a free base."""
+    return robot.floating and bool(robot.gimbal_names)
+
+
+def analyze(
+    robot: Robot, q: Floats, table: str = "", step: float = 0.02, margin: str = "force_margin"
+) -> Along:
+    """Returns certified margins along the waypoints of `table`, joints moving straight between.
+
+    Joints without a column, and the attitude, are those of q.
+
+    Raises:
+        AnalysisError: no table, one that cannot be read, times that do not rise, no such margin.
+    """
+    if not table:
+        raise AnalysisError("along: a motion is needed: --table waypoints.csv.")
+    if not 0 < step < np.inf:
+        raise AnalysisError(f"--step {step:g}: more than 0 rad is needed.")
+    path = Path(table)
+    names, time = _columns(robot, path)
+    low, high, _ = robot.limits(names)
+    points = read_table(path, names, low, high)
+    knots, timed = (np.arange(len(points), dtype=float), False) if time is None else (time, True)
+    at, rows = _dense(knots, points, step)
+    joints = robot.chain_joints
+    whole = np.repeat(
+        robot.angles(q)[[robot.joint_names.index(n) for n in joints]][None], len(rows), axis=0
+    )
+    whole[:, [joints.index(n) for n in names]] = rows
+    base, _ = robot.base_pose(q)
+    found = evaluate(Body.of(robot, joints, base, 1e-3), whole)
+    values = {
+        n: np.asarray(found[n], float) for n in found.column_names if n not in joints
+    }
+    if margin not in values:
+        raise AnalysisError(f"no margin '{margin}'; there are {', '.join(values)}.")
+    return Along(margin, at, whole, joints, values, timed)
+
+
+def _columns(robot: Robot, path: Path) -> tuple[tuple[str, ...], Floats | None]:
+    """Returns the joints that the table has, and its times."""
+    import pyarrow as pa
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    try:
+        csv = path.suffix.lower() == ".csv"
+        table = pyarrow.csv.read_csv(path) if csv else pyarrow.parquet.read_table(path)
+    except (OSError, pa.ArrowException) as error:
+        reason = str(error).splitlines()[0]
+        raise AnalysisError(f"{path}: cannot be read as CSV or Parquet ({reason}).") from None
+    names = tuple(n for n in robot.chain_joints if n in table.column_names)
+    if not names:
+        raise AnalysisError(f"{path.name} names no joint of {robot.name}.")
+    if "time" not in table.column_names:
+        return names, None
+    try:
+        time = np.asarray(table["time"], dtype=float)
+    except (TypeError, ValueError):
+        raise AnalysisError(f"{path.name}: its column 'time' holds text.") from None
+    if not np.all(np.isfinite(time)) or np.any(np.diff(time) <= 0):
+        raise AnalysisError(f"{path.name}: its times do not rise.")
+    return names, time
+
+
+def _dense(knots: Floats, points: Floats, step: float) -> tuple[Floats, Floats]:
+    """Returns times (m,) and angles (m, k) so that no joint moves more than `step` at once."""
+    times, rows = [knots[:1]], [points[:1]]
+    for k in range(len(points) - 1):
+        count = max(1, int(np.ceil(np.abs(points[k + 1] - points[k]).max() / step)))
+        s = np.arange(1, count + 1)[:, None] / count
+        rows.append(points[k] + s * (points[k + 1] - points[k]))
+        times.append(knots[k] + s[:, 0] * (knots[k + 1] - knots[k]))
+    return np.concatenate(times), np.concatenate(rows)

@@ -1,0 +1,135 @@
+"""Best attitude: how to tilt the whole body so that its margin is largest."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from snakegen.errors import AnalysisError, near
+from snakegen.geometry import Floats, rotation_about, rpy_from_rotation
+from snakegen.robot import Robot
+from snakegen.sweep.batch import Body, evaluate
+
+COMMAND = "attitude"
+ORDER = 60
+REPORT = False  # a search: on request, not on every page
+OPTIONS = {
+    "margin": ["torque_margin", "which margin: a column of a sweep, as in force_margin"],
+    "samples": [200, "directions of gravity that the search starts from"],
+}
+_ROUNDS, _TRIES = 30, 8
+
+
+@dataclass(frozen=True)
+class BestAttitude:
+    """The attitude of the root link that makes `margin` largest; yaw does not matter."""
+
+    margin: str
+    level: float  # value at the posture's own attitude
+    best: float
+    rpy: tuple[float, float, float]  # rad, of the root link, yaw 0
+    worst: float  # least value among the samples
+    evaluated: int
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data for a program; N, N m or scaled, as the margin is."""
+        return {
+            "margin": self.margin,
+            "at_given_attitude": self.level,
+            "best": self.best,
+            "best_base_rpy_rad": list(self.rpy),
+            "least_sampled": self.worst,
+            "evaluated": self.evaluated,
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Returns (label, text) pairs for people."""
+        roll, pitch, _ = np.rad2deg(self.rpy)
+        return [
+            (self.margin, f"{self.level:.4g} as it stands, {self.best:.4g} at best"),
+            ("best attitude", f"root link at roll {roll:+.1f}°, pitch {pitch:+.1f}° (any yaw)"),
+            ("worst attitude seen", f"{self.worst:.4g}, of {self.evaluated} evaluated"),
+        ]
+
+
+def applies(robot: Robot) -> bool:
+    """A robot with gimballed rotors and a free base."""
+    return robot.floating and bool(robot.gimbal_names)
+
+
+def analyze(
+    robot: Robot, q: Floats, margin: str = "torque_margin", samples: int = 200
+) -> BestAttitude:
+    """Returns the attitude with the largest certified margin for the joints of q.
+
+    Gravity's direction in the body is searched: `samples` directions spread over the sphere
+    (Fibonacci), then a pattern search from the best four. Gimbals point up in each.
+
+    Raises:
+        AnalysisError: no such margin, or too few samples.
+    """
+    if samples < 4:
+        raise AnalysisError(f"--samples {samples}: at least 4 directions are needed.")
+    joints = robot.chain_joints
+    low, high, _ = robot.limits(robot.joint_names)
+    chosen = np.array([robot.joint_names.index(n) for n in joints], int)
+    row = np.clip(robot.angles(q)[chosen], low[chosen], high[chosen])[None]
+    count = 0
+
+    def value(up: Floats) -> float:
+        nonlocal count
+        count += 1
+        table = evaluate(Body.of(robot, joints, _attitude(up), 1e-3), row)
+        if margin not in table.column_names or margin in joints:
+            raise AnalysisError(
+                f"no margin '{margin}'.{near(margin, [c for c in table.column_names])}"
+            )
+        found = float(table[margin][0].as_py())
+        return found if np.isfinite(found) else -np.inf
+
+    base, _ = robot.base_pose(q)
+    level = value(base[2])
+    ups = _sphere(samples)
+    values = np.array([value(u) for u in ups])
+    best, best_up = level, np.array(base[2])
+    rng = np.random.default_rng(0)
+    for start in np.argsort(values)[-4:]:
+        up, here, step = ups[start], values[start], 0.2
+        for _ in range(_ROUNDS):
+            tries = up + step * rng.normal(size=(_TRIES, 3))
+            tries /= np.linalg.norm(tries, axis=1, keepdims=True)
+            found = np.array([value(t) for t in tries])
+            k = int(np.argmax(found))
+            if found[k] > here:
+                up, here = tries[k], found[k]
+            else:
+                step *= 0.5
+            if step < 1e-3:
+                break
+        if here > best:
+            best, best_up = float(here), up
+    roll, pitch, yaw = (float(x) for x in rpy_from_rotation(_attitude(best_up)))
+    least = float(values[np.isfinite(values)].min()) if np.isfinite(values).any() else float("nan")
+    return BestAttitude(margin, level, best, (roll, pitch, yaw), least, count)
+
+
+def _sphere(count: int) -> Floats:
+    """Returns `count` unit vectors spread evenly over the sphere (Fibonacci)."""
+    i = np.arange(count) + 0.5
+    z = 1.0 - 2.0 * i / count
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * i
+    flat = np.sqrt(1.0 - z**2)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
+
+
+def _attitude(up: Floats) -> Floats:
+    """Returns the yaw-free rotation (3, 3) whose body sees the world's up along `up`."""
+    axis = np.cross(up, [0.0, 0.0, 1.0])
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:
+        return np.eye(3) if up[2] > 0 else np.diag([1.0, -1.0, -1.0])
+    turned = rotation_about(axis / sine, float(np.arctan2(sine, up[2])))
+    roll, pitch, _ = rpy_from_rotation(turned)
+    from snakegen.geometry import rotation_from_rpy
+
+    return rotation_from_rpy((roll, pitch, 0.0))
