@@ -1,7 +1,7 @@
 """MJCF on disk: bit-exact text, and deep chains split over files that MuJoCo can read back."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,8 +10,9 @@ import mujoco
 from snakegen.errors import DescriptionError
 
 DEEPEST = 400  # bodies nested in one file before the chain goes on in the next
-_ROOM = 80  # levels of a side branch that may still follow; MuJoCo's reader stops at 490
+_ROOM = 0.2  # share of that by which a short branch may go deeper; MuJoCo's reader stops at 490
 _OPEN = re.compile(r'^( *)<body name="([^"]+)"[^>]*(?<!/)>$')
+_ATTACH = re.compile(r'^ *<attach model="([^"]+)"')
 _MODEL = re.compile(r'^<mujoco model="([^"]+)">$')
 
 
@@ -62,7 +63,7 @@ def split(text: str, name: str, deepest: int = DEEPEST) -> dict[str, str]:
     by_start = {cut.start: cut for cut in cuts}
     found = (_MODEL.match(line) for line in lines)
     model = next((m[1] for m in found if m), stem)
-    out = {name: _text(_with_models(_kept(lines, 0, len(lines), by_start, parts), parts.values()))}
+    out = {name: _text(_with_models(_kept(lines, 0, len(lines), by_start, parts)))}
     shared = [*_section(lines, "compiler"), *_section(lines, "default")]
     for cut in cuts:
         indent = lines[cut.start].index("<") - 4
@@ -70,7 +71,7 @@ def split(text: str, name: str, deepest: int = DEEPEST) -> dict[str, str]:
         body = [line[indent:] for line in (lines[cut.start], *inside)]
         head = f'<mujoco model="{model}_{parts[cut.start].removeprefix(stem + "_")}">'
         whole = [head, *shared, "  <worldbody>", *body, "  </worldbody>", "</mujoco>"]
-        out[f"{parts[cut.start]}.xml"] = _text(whole)
+        out[f"{parts[cut.start]}.xml"] = _text(_with_models(whole))
     return out
 
 
@@ -100,7 +101,7 @@ def _cuts(root: _Body, depth: int, deepest: int) -> Iterator[_Body]:
     waiting = [(root, depth)]
     while waiting:
         body, level = waiting.pop()
-        if level > deepest and body.height > _ROOM:
+        if level > deepest and body.height > _ROOM * deepest:
             yield body
             level = 1
         waiting += [(child, level + 1) for child in reversed(body.children)]
@@ -135,11 +136,14 @@ def _section(lines: list[str], tag: str) -> list[str]:
     return []
 
 
-def _with_models(lines: list[str], parts: Iterable[str]) -> list[str]:
-    """Adds the parts to ``<asset>``, which MuJoCo must read before the bodies."""
-    models = [f'    <model name="{p}" file="{p}.xml"/>' for p in parts]
-    at = next((i for i, line in enumerate(lines) if line == "  <asset>"), None)
-    if at is not None:
-        return [*lines[: at + 1], *models, *lines[at + 1 :]]
-    body = lines.index("  <worldbody>")
-    return [*lines[:body], "  <asset>", *models, "  </asset>", "", *lines[body:]]
+def _with_models(lines: list[str]) -> list[str]:
+    """Adds the models that a file attaches to its ``<asset>``, to be read before its bodies."""
+    found = (_ATTACH.match(line) for line in lines)
+    models = [f'    <model name="{m[1]}" file="{m[1]}.xml"/>' for m in found if m]
+    if not models:
+        return lines
+    if "  <asset>" in lines:
+        at = lines.index("  <asset>") + 1
+        return [*lines[:at], *models, *lines[at:]]
+    at = lines.index("  <worldbody>")
+    return [*lines[:at], "  <asset>", *models, "  </asset>", "", *lines[at:]]
