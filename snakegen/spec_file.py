@@ -183,6 +183,8 @@ def _explain(error: ValidationError, data: dict[str, Any], label: str) -> str:
     if first["type"] in ("model_type", "model_attributes_type", "dict_type"):
         parts = [f"{path}.{name}" for name in _fields_at((*loc, "")) or ["…"]]
         return f"{label}: '{path}' is a section; set {', '.join(parts[:3])} …."
+    if first["type"] == "tuple_type":
+        message = "three numbers in a list are needed"
     given = first["input"]
     shown = "" if isinstance(given, dict) else f" (got {given!r})"
     return f"{label}: '{path}': {message}{shown}."
