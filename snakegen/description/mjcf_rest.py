@@ -111,10 +111,10 @@ def _keyframes(
 
 
 def lowest_point(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Returns the least height [m] of any collision geom: spheres, capsules, cylinders, boxes."""
+    """Returns the least height [m] of any moving collision geom; meshes by their bounding ball."""
     heights = [float("inf")]
     kind = mujoco.mjtGeom
-    for g in np.flatnonzero((model.geom_contype != 0) & (model.geom_type != kind.mjGEOM_PLANE)):
+    for g in np.flatnonzero((model.geom_contype != 0) & (model.geom_bodyid != 0)):
         axes = data.geom_xmat[g].reshape(3, 3)
         size, z = model.geom_size[g], data.geom_xpos[g][2]
         along = abs(axes[2, 2])

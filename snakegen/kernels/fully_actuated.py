@@ -204,6 +204,7 @@ def refine(
     wrench: Floats,
     thrust: Floats,
     angles: Floats,
+    limit: Floats,
     rows: Floats,
     scale: float,
     steps: int,
@@ -218,6 +219,7 @@ def refine(
         wrench: (6,) wanted, CoG axes.
         thrust: (Ñ,) N, start and result.
         angles: (Ñ, 2) rad, start and result.
+        limit: (Ñ,) N; an apparatus whose limit is 0 is lost and stays out.
         rows: (6,) the scaling S of the wrench.
         scale: N.
         steps: most steps.
@@ -227,6 +229,8 @@ def refine(
     weight, error = np.empty(3 * n), np.empty(6)
     for c in range(3 * n):
         weight[c] = scale if c < n else 1.0
+        if limit[c % n] <= 0.0:
+            weight[c] = 0.0
     new_thrust, new_angles = thrust, angles
     for step in range(steps + 1):
         size = missing(m, wrench, thrust, angles, UNSCALED, error)

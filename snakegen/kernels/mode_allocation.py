@@ -58,7 +58,7 @@ def allocate_virtual(
     n = limit.shape[0]
     thrust, angles = spread_forces(m, wrench, limit, lower, upper, last, sweeps)
     scale = 1.0 / (rows[0] * n)
-    steps, size = refine(m, wrench, thrust, angles, rows, scale, newton, residual)
+    steps, size = refine(m, wrench, thrust, angles, limit, rows, scale, newton, residual)
     columns = np.empty(3 * n)
     beyond = size > residual
     for j in range(n):

@@ -1,4 +1,4 @@
-"""Distances along a run: to the floor, and between parts of the robot that may touch."""
+"""Distances along a run: to the floor, to obstacles, and between parts that may touch."""
 
 import mujoco
 import numpy as np
@@ -9,8 +9,8 @@ from snakegen.verify.world import World
 _FAR = 0.5  # m: what is farther apart than this is recorded as this far
 
 
-def clearances(world: World, qpos: Floats) -> tuple[Floats, Floats]:
-    """Returns floor and self distances (m,) [m] at rows of qpos (m, nq).
+def clearances(world: World, qpos: Floats) -> tuple[Floats, Floats, Floats]:
+    """Returns floor, self and obstacle distances (m,) [m] at rows of qpos (m, nq).
 
     Self distance: between collision geoms of different bodies that the model lets touch, capped
     at 0.5 m; +inf where no such pair exists.
@@ -18,34 +18,44 @@ def clearances(world: World, qpos: Floats) -> tuple[Floats, Floats]:
     from snakegen.description.mjcf import lowest_point
 
     model, data = world.model, mujoco.MjData(world.model)
-    pairs = _pairs(model)
-    reach = model.geom_rbound
-    floor, own = np.empty(len(qpos)), np.full(len(qpos), np.inf)
+    solid = [g for g in range(model.ngeom) if model.geom_contype[g]]
+    own_geoms = [g for g in solid if model.geom_bodyid[g] != 0]
+    walls = [
+        g
+        for g in solid
+        if model.geom_bodyid[g] == 0 and model.geom_type[g] != mujoco.mjtGeom.mjGEOM_PLANE
+    ]
+    pairs = _pairs(model, own_geoms)
+    around = np.array([(a, b) for a in own_geoms for b in walls], int).reshape(-1, 2)
+    floor = np.empty(len(qpos))
+    own, obstacle = np.full(len(qpos), np.inf), np.full(len(qpos), np.inf)
     for k, row in enumerate(qpos):
         data.qpos[:] = row
         mujoco.mj_kinematics(model, data)
         floor[k] = lowest_point(model, data)
-        if not len(pairs):
-            continue
-        a, b = pairs[:, 0], pairs[:, 1]
-        gap = np.linalg.norm(data.geom_xpos[a] - data.geom_xpos[b], axis=1) - reach[a] - reach[b]
-        best = _FAR
-        for i in np.argsort(gap):
-            if gap[i] >= best:
-                break
-            found = mujoco.mj_geomDistance(model, data, int(a[i]), int(b[i]), best, None)
-            best = min(best, found)
-        own[k] = best
-    return floor, own
+        if len(pairs):
+            own[k] = _least(model, data, pairs)
+        if len(around):
+            obstacle[k] = _least(model, data, around)
+    return floor, own, obstacle
 
 
-def _pairs(model: mujoco.MjModel) -> np.ndarray:
-    """Returns the pairs of collision geoms that may touch, (m, 2); planes left out."""
-    solid = [
-        g
-        for g in range(model.ngeom)
-        if model.geom_contype[g] and model.geom_type[g] != mujoco.mjtGeom.mjGEOM_PLANE
-    ]
+def _least(model: mujoco.MjModel, data: mujoco.MjData, pairs: np.ndarray) -> float:
+    """Returns the least distance [m] over pairs of geoms, at most 0.5; balls round them first."""
+    a, b = pairs[:, 0], pairs[:, 1]
+    reach = model.geom_rbound
+    gap = np.linalg.norm(data.geom_xpos[a] - data.geom_xpos[b], axis=1) - reach[a] - reach[b]
+    best = _FAR
+    for i in np.argsort(gap):
+        if gap[i] >= best:
+            break
+        found = mujoco.mj_geomDistance(model, data, int(a[i]), int(b[i]), best, None)
+        best = min(best, found)
+    return float(best)
+
+
+def _pairs(model: mujoco.MjModel, solid: list[int]) -> np.ndarray:
+    """Returns the pairs of the robot's geoms that may touch, (m, 2)."""
     excluded = {int(s) for s in model.exclude_signature}
     out = []
     for i, a in enumerate(solid):

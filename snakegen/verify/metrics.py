@@ -9,6 +9,7 @@ hundredths of a radian of ZN23 Tables 4 and 6 is their roll, pitch and yaw error
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
     out: dict[str, Any] = {"duration_s": float(end - start), "finite": _all_finite(recording)}
     for part in (_tracking, _thrusts, _torques, _clearances, _minima, _energy):
         out.update(part(recording, start, end))
+    out.update(_of_mission(recording))
     return {key: _plain(value) for key, value in out.items()}
 
 
@@ -209,6 +211,17 @@ def _energy(recording: Recording, start: float, end: float) -> dict[str, Any]:
     return {"energy_j": energy, "power_mean_w": energy / (time[-1] - time[0])}
 
 
+def _of_mission(recording: Recording) -> dict[str, Any]:
+    """Returns the numbers that the run's mission adds; none for a log of another version's."""
+    from snakegen.verify.missions import missions
+
+    name = str(recording.meta.get("mission", ""))
+    if name not in missions() or "facts" not in recording.meta:
+        return {}
+    module = import_module(f"snakegen.verify.missions.{name}")
+    return dict(module.metrics(recording)) if hasattr(module, "metrics") else {}
+
+
 def _window(recording: Recording) -> tuple[float, float]:
     window = recording.meta.get("metrics_window_s")
     if window is None:
@@ -262,7 +275,9 @@ def _plain(value: Any) -> Any:
     """Returns Python numbers and lists; None for a number that is not finite."""
     if value is None or isinstance(value, bool):
         return value
-    if isinstance(value, np.ndarray):
+    if isinstance(value, str):
+        return value
+    if isinstance(value, np.ndarray | list):
         return [_plain(v) for v in value]
     number = float(value)
     return number if np.isfinite(number) else None

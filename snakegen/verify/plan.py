@@ -88,9 +88,7 @@ def quintic(s: ArrayLike) -> tuple[Floats, Floats, Floats]:
     return value, slope, curve
 
 
-def through(
-    time: Floats, knots: ArrayLike, points: ArrayLike
-) -> tuple[Floats, Floats, Floats]:
+def through(time: Floats, knots: ArrayLike, points: ArrayLike) -> tuple[Floats, Floats, Floats]:
     """Returns value, rate and acceleration (T, k) of a path that rests at each point.
 
     Between two points a quintic runs; its largest rate is 15/8 of the mean rate.
@@ -135,3 +133,34 @@ def knots_for(points: ArrayLike, rate: float, *, start: float = 0.0, least: floa
 def level(count: int) -> tuple[Floats, Floats]:
     """Returns attitude (T, 3, 3) and angular velocity (T, 3) of a CoG frame held level."""
     return np.repeat(np.eye(3)[None], count, axis=0), np.zeros((count, 3))
+
+
+def ticks(duration: float, rate: float) -> Floats:
+    """Returns the times (T,) of a run [s].
+
+    Raises:
+        MissionError: a duration that is not positive.
+    """
+    if not duration > 0:
+        raise MissionError(f"duration {duration:g} s: more than 0 is needed.")
+    return np.arange(max(round(duration * rate), 1)) / rate
+
+
+def holding(time: Floats, joints: ArrayLike, start: Floats, cog: ArrayLike, **more: Any) -> Plan:
+    """Returns a plan that holds one pose and posture; `more` are further fields of `Plan`.
+
+    `joints` are (k,), or (T, k) where they move.
+    """
+    count, still = len(time), np.zeros((len(time), 3))
+    rotation, angular = level(count)
+    angles = np.atleast_2d(np.asarray(joints, float))
+    fields = {
+        "position": np.repeat(np.asarray(cog, float)[None], count, axis=0),
+        "velocity": still,
+        "acceleration": still,
+        "rotation": rotation,
+        "angular": angular,
+        "joints": angles if len(angles) == count else np.repeat(angles, count, axis=0),
+        "start": start,
+    }
+    return Plan(time, **(fields | more))

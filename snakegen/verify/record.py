@@ -7,6 +7,7 @@ import numpy as np
 from snakegen import __version__
 from snakegen.control.controller import Controller
 from snakegen.geometry import Floats, quaternion_xyzw
+from snakegen.kernels.chain import forward
 from snakegen.kernels.control_types import VIRTUAL
 from snakegen.kernels.history import cog_history
 from snakegen.robot import Robot
@@ -43,9 +44,7 @@ def record(
         "angular_velocity": channel("angular_velocity", motion[3]),
         "q": channel("q", q, names.q),
         "thrust": channel("thrust", thrust, names.rotors),
-        "thrust_command": channel(
-            "thrust_command", flown.command[:, world.rotors], names.rotors
-        ),
+        "thrust_command": channel("thrust_command", flown.command[:, world.rotors], names.rotors),
         "gimbal_angle": channel("gimbal_angle", flown.qpos[:, world.qpos[turned]], names.gimbals),
         "gimbal_command": channel(
             "gimbal_command", flown.command[:, world.gimbals[gimbals]], names.gimbals
@@ -62,7 +61,8 @@ def record(
     }
     if plan.disturbance is not None:
         channels["disturbance"] = channel("disturbance", plan.disturbance[:n])
-        channels["disturbance_point"] = channel("disturbance_point", flown.qpos[:, :3])
+        point = motion[0] if plan.disturbance_at_cog else _link_place(world, plan, flown)
+        channels["disturbance_point"] = channel("disturbance_point", point)
     channels |= _slow(world, controller, plan, flown, q)
     events = tuple(Event(*e) for e in flown.events)
     return Recording(time, channels, events, _meta(robot, world, meta))
@@ -104,6 +104,19 @@ def _motion(
     return out[0], out[1], out[2], out[3]
 
 
+def _link_place(world: World, plan: Plan, flown: Flown) -> Floats:
+    """Returns the origin (T, 3) of the disturbed link along the run."""
+    robot, q = world.robot, flown.qpos
+    if plan.disturbance_link in ("", robot.root_link):
+        return q[:, :3]
+    body, _, origin = robot.body_of_link(plan.disturbance_link)
+    out = np.empty((len(q), 3))
+    for k, row in enumerate(q):
+        turn, at = forward(robot.tree, rotation_of(row[3:7]), row[:3].copy(), row[world.qpos])
+        out[k] = at[body] + turn[body] @ origin
+    return out
+
+
 def _thrust(world: World, flown: Flown) -> Floats:
     """Returns the thrust that each rotor gives, after its lag."""
     lagged = world.activation >= 0
@@ -130,8 +143,10 @@ def _slow(
     out = {}
     for name, values in _margins(world.robot, controller.mode, q[rows]).items():
         out[name] = channel(name, values, time=time)
-    floor, own = clearances(world, flown.qpos[rows])
+    floor, own, obstacle = clearances(world, flown.qpos[rows])
     out["floor_distance"] = channel("floor_distance", floor, time=time)
+    if plan.obstacles:
+        out["obstacle_distance"] = channel("obstacle_distance", obstacle, time=time)
     if np.all(np.isfinite(own)):
         out["self_distance"] = channel("self_distance", own, time=time)
     return out

@@ -5,14 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from snakegen.control.controller import Controller, flight_controller
+from snakegen.control.controller import Controller, flight_controller, gain_set
 from snakegen.errors import MissionError
+from snakegen.kernels.chain import forward
 from snakegen.robot import GRAVITY, Robot
 from snakegen.verify.loop import fly
 from snakegen.verify.metrics import metrics
-from snakegen.verify.missions import mission
+from snakegen.verify.missions import is_file, mission
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Imperfections, draw
+from snakegen.verify.postures import driven_joints, place
 from snakegen.verify.record import record
 from snakegen.verify.recording import Recording
 from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
@@ -49,13 +51,20 @@ def run(
     if hasattr(module, "fly"):  # no aerial flight: the mission has a loop of its own
         given = dict(options or {})
         return module.fly(robot, seed=seed, ideal=ideal, options=given, progress=progress)
-    controller = flight_controller(robot, gains, allocator=allocator)
+    chosen = gain_set(robot, gains)
+    if hasattr(module, "gains"):
+        chosen = module.gains(chosen)
+    controller = flight_controller(robot, chosen, allocator=allocator)
     control = robot.modules.control
     rate = float(control.get("attitude_rate", 200.0))
     position_rate = float(control.get("position_rate", 40.0))
-    plan: Plan = module.plan(robot, rate, **(options or {}))
-    check_start(robot, controller, plan)
-    world = make_world(robot)
+    given = dict(options or {})
+    if is_file(name):
+        given["file"] = name
+    plan: Plan = module.plan(robot, rate, **given)
+    check_references(robot, plan)
+    check_start(robot, controller, plan, force=bool(given.get("force")))
+    world = make_world(robot, obstacles=plan.obstacles)
     imperfections = Imperfections.of(robot.modules.plant)
     if ideal:
         imperfections = imperfections.ideal()
@@ -68,7 +77,8 @@ def run(
     modes = ("dual_rotor", "virtual_single_rotor")
     window = plan.window or (0.0, float(plan.time[-1]))
     meta = {
-        "mission": name,
+        "mission": module.__name__.rsplit(".", 1)[-1],
+        "options": {k: v for k, v in given.items() if v is not None},
         "seed": seed,
         "mode": modes[controller.mode],
         "gains": gains or str(control.get("gains", "")),
@@ -77,6 +87,8 @@ def run(
         "plant": vars(imperfections),
         "stopped": flown.stopped,
         "planned_s": float(plan.time[-1]),
+        "facts": plan.facts,
+        "obstacles": [vars(b) for b in plan.obstacles],
         "metrics_window_s": [window[0], min(window[1], float(plan.time[flown.ticks - 1]))],
     }
     recording = record(world, plan, controller, flown, meta)
@@ -88,11 +100,40 @@ def judge(recording: Recording, plan: Plan) -> Recording:
     found = metrics(recording)
     found["completed"] = not recording.meta["stopped"]
     bounds = {"completed": {"equals": True}} | FLIGHT_THRESHOLDS | plan.thresholds
-    return recording.judged(found, verdict(found, bounds))
+    wanted = {k: v for k, v in bounds.items() if v is not None}
+    return recording.judged(found, verdict(found, wanted))
 
 
-def check_start(robot: Robot, controller: Controller, plan: Plan) -> None:
-    """Refuses a start that cannot hover.
+def check_references(robot: Robot, plan: Plan) -> None:
+    """Refuses a plan that leads joints beyond their limits or the body into the floor.
+
+    Raises:
+        MissionError: the first such joint or instant.
+    """
+    names = driven_joints(robot)
+    low, high, _ = robot.limits(names)
+    beyond = np.argwhere((plan.joints < low - 1e-9) | (plan.joints > high + 1e-9))
+    if len(beyond):
+        k, i = beyond[0]
+        raise MissionError(
+            f"the mission leads {names[i]} to {plan.joints[k, i]:.3f} rad at {plan.time[k]:.2f} s; "
+            f"its limits are {low[i]:g} … {high[i]:g}."
+        )
+    if plan.on_floor:
+        return
+    for k in np.unique(np.linspace(0, len(plan.time) - 1, 40).astype(int)):
+        q = place(robot, plan.joints[k], plan.position[k], plan.rotation[k])
+        base, origin = robot.base_pose(q)
+        lowest = float(forward(robot.tree, base, origin, robot.angles(q))[1][:, 2].min())
+        if lowest < 0.0:
+            raise MissionError(
+                f"the mission leads the body {-lowest:.2f} m into the floor at "
+                f"{plan.time[k]:.2f} s: CoG at {plan.position[k, 2]:.2f} m; fly higher."
+            )
+
+
+def check_start(robot: Robot, controller: Controller, plan: Plan, *, force: bool = False) -> None:
+    """Refuses a start that cannot hover; `force` lets a singular posture pass.
 
     Raises:
         MissionError: too heavy, no hover within limits, or σ_min below the controller's threshold.
@@ -110,11 +151,13 @@ def check_start(robot: Robot, controller: Controller, plan: Plan) -> None:
     angles = robot.angles(plan.start)
     frame = cog_frame(controller, angles, base, origin)
     sigma, unmet, thrust, limit = _first_allocation(robot, controller, plan, frame)
-    if sigma < controller.law.sigma_min and controller.mode == 1:
+    if sigma < controller.law.sigma_min and controller.mode == 1 and not force:
         raise MissionError(
             f"{robot.name} starts in a singular posture: scaled σ_min {sigma:.2g} is below "
             f"{controller.law.sigma_min:g}; bend the body, or lower control.sigma_min."
         )
+    if force:
+        return
     if unmet > 1e-3 or np.any(thrust > limit * (1 + 1e-9)) or np.any(thrust < -1e-9):
         raise MissionError(
             f"{robot.name} cannot hover in the mission's first posture: thrusts "

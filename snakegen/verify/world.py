@@ -1,4 +1,4 @@
-"""The simulated world of a run: the robot's MJCF on a floor, and where each quantity stands in it."""
+"""The simulated world of a run: a robot's MJCF on a floor, and where each quantity stands."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

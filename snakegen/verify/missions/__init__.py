@@ -2,9 +2,11 @@
 
 A mission has a docstring whose first line says what it shows, ``applies(robot) -> bool`` whose
 docstring says what it needs, ``OPTIONS`` (literal: name → [default, help]) and
-``plan(robot, rate, **options) -> Plan`` with `rate` the ticks per second. What is no aerial
-flight (an arm, a drive) has, instead of `plan`,
+``plan(robot, rate, **options) -> Plan`` with `rate` the ticks per second. It may have
+``metrics(recording) -> dict``, numbers of its own, and ``gains(gains) -> Gains``, if it has to fly
+with others than the robot's. What is no aerial flight (an arm, a drive) has, instead of `plan`,
 ``fly(robot, *, seed, ideal, options, progress) -> Recording`` that returns the judged recording.
+A YAML file in place of a name is the mission `path` with that file.
 """
 
 import ast
@@ -28,11 +30,13 @@ def missions() -> dict[str, str]:
 
 
 def mission(name: str, robot: Any) -> Any:
-    """Returns the module of mission `name`.
+    """Returns the module of mission `name`, or of `path` for a mission file.
 
     Raises:
         MissionError: no such mission, or one that does not apply to `robot`.
     """
+    if is_file(name):
+        name = "path"
     if name not in missions():
         raise MissionError(f"there is no mission '{name}'.{near(name, missions())}")
     module = import_module(f"snakegen.verify.missions.{name}")
@@ -40,3 +44,8 @@ def mission(name: str, robot: Any) -> Any:
         needs = " ".join((module.applies.__doc__ or "").split()).rstrip(".").lower()
         raise MissionError(f"mission '{name}' does not suit {robot.name}; it needs {needs}.")
     return module
+
+
+def is_file(name: str) -> bool:
+    """Tells whether a mission is named by its file."""
+    return name.endswith((".yaml", ".yml"))

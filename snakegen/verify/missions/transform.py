@@ -6,7 +6,7 @@ from snakegen.errors import MissionError
 from snakegen.geometry import Floats
 from snakegen.robot import Robot
 from snakegen.verify.plan import Plan, knots_for, level, through
-from snakegen.verify.postures import bent, driven_joints, place
+from snakegen.verify.postures import bent, driven_joints, place, resting_height
 
 OPTIONS = {
     "duration": [None, "s; as long as the motion needs by default"],
@@ -78,7 +78,7 @@ def plan(
     start = place(robot, goals[0], np.array([0.0, 0.0, 1.2]))
     heights = [(0.0, 1.2), (float(knots[0]), 1.2), (float(knots[-1]), 1.2 + rise)]
     if floor:
-        low = _resting_height(robot, start)
+        low = resting_height(robot, start)
         heights = [(0.0, low), (0.5, low), *heights[1:]]
         start[2] += low - 1.2
     path = np.array([[0.0, 0.0, h] for _, h in heights])
@@ -98,22 +98,3 @@ def plan(
         window=(2.0, end) if floor else None,
         events=tuple(events),
     )
-
-
-def _resting_height(robot: Robot, q: Floats) -> float:
-    """Returns the CoG height [m] at which the lowest part touches the floor in configuration q."""
-    import mujoco
-
-    from snakegen.description.mjcf import lowest_point
-    from snakegen.kernels.chain import centre_of_gravity, forward
-    from snakegen.verify.world import make_world
-
-    world = make_world(robot, floor=False)
-    data = mujoco.MjData(world.model)
-    world.set_state(data, q)
-    mujoco.mj_forward(world.model, data)
-    base, origin = robot.base_pose(q)
-    _, cog = centre_of_gravity(
-        robot.tree, *forward(robot.tree, base, origin, robot.angles(q))
-    )
-    return float(cog[2]) - lowest_point(world.model, data)

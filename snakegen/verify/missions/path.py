@@ -1,0 +1,101 @@
+"""A path of one's own: a YAML file of waypoints of CoG pose and joints, flown with rests between.
+
+A waypoint is ``{time: 4.0, position: [0, 0, 1.5], rpy: [0, 0, 0.3], joints: {joint1_yaw: 0.5}}``;
+what it does not name stays as before. The robot starts at the first one.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from snakegen import yaml_file
+from snakegen.errors import MissionError, near
+from snakegen.geometry import Floats, rotation_from_rpy, unskew
+from snakegen.robot import Robot
+from snakegen.verify.plan import Plan, holding, through, ticks
+from snakegen.verify.postures import driven_joints, place, resting_joints
+
+OPTIONS = {
+    "file": [None, "mission file (YAML)"],
+    "duration": [None, "s; two seconds after the last waypoint by default"],
+}
+_KEYS = ("time", "position", "rpy", "joints")
+
+
+def applies(robot: Robot) -> bool:
+    """A floating base and rotors."""
+    return robot.floating and bool(robot.modules.apparatuses)
+
+
+def plan(
+    robot: Robot, rate: float, *, file: str | None = None, duration: float | None = None
+) -> Plan:
+    """Returns the plan through the file's waypoints.
+
+    Raises:
+        MissionError: no file, an unknown field, times that do not rise, angles beyond limits.
+    """
+    if file is None:
+        raise MissionError("mission 'path' needs a file: --mission my.yaml.")
+    knots, points = waypoints(robot, Path(str(file)))
+    time = ticks(duration or float(knots[-1]) + 2.0, rate)
+    value, speed, bend = through(time, knots, points)
+    rotation = np.array([rotation_from_rpy(x) for x in value[:, 3:6]])
+    return holding(
+        time,
+        value[:, 6:],
+        place(robot, points[0, 6:], points[0, :3], rotation_from_rpy(points[0, 3:6])),
+        points[0, :3],
+        position=value[:, :3],
+        velocity=speed[:, :3],
+        acceleration=bend[:, :3],
+        rotation=rotation,
+        angular=_rates(rotation, rate),
+        events=tuple((float(t), f"waypoint {i + 1}") for i, t in enumerate(knots)),
+    )
+
+
+def waypoints(robot: Robot, path: Path) -> tuple[Floats, Floats]:
+    """Returns times (m,) and rows (m, 6 + k): CoG [m], roll pitch yaw, joints [rad]."""
+    data = yaml_file.read(path)
+    listed = data.get("waypoints") if isinstance(data, dict) else None
+    if not isinstance(listed, list) or not listed:
+        raise MissionError(f"{path.name}: a mission is a mapping with a list of 'waypoints'.")
+    names = driven_joints(robot)
+    now = np.concatenate([[0.0, 0.0, 1.5], np.zeros(3), resting_joints(robot)])
+    times, rows = [], []
+    for i, item in enumerate(listed):
+        where = f"{path.name}: waypoint {i + 1}"
+        if not isinstance(item, dict):
+            raise MissionError(f"{where} is no mapping of {', '.join(_KEYS)}.")
+        for key in item:
+            if key not in _KEYS:
+                raise MissionError(f"{where} has no field '{key}'.{near(str(key), _KEYS)}")
+        times.append(_numbers(item.get("time", 5.0 * i), 1, f"{where}: time")[0])
+        for key, first in (("position", 0), ("rpy", 3)):
+            if key in item:
+                now[first : first + 3] = _numbers(item[key], 3, f"{where}: {key}")
+        for name, angle in dict(item.get("joints") or {}).items():
+            if name not in names:
+                raise MissionError(f"{where}: no driven joint '{name}'.{near(str(name), names)}")
+            now[6 + names.index(name)] = _numbers(angle, 1, f"{where}: {name}")[0]
+        rows.append(now.copy())
+    return np.array(times), np.array(rows)
+
+
+def _numbers(value: Any, count: int, where: str) -> Floats:
+    try:
+        out = np.atleast_1d(np.array(value, dtype=float))
+    except (TypeError, ValueError):
+        out = np.empty(0)
+    if out.shape != (count,) or not np.all(np.isfinite(out)):
+        raise MissionError(f"{where}: {value!r} is not {count} finite number(s).")
+    return out
+
+
+def _rates(rotation: Floats, rate: float) -> Floats:
+    """Returns angular velocities (T, 3) [rad/s], own axes, of attitudes (T, 3, 3)."""
+    step = np.einsum("tji,tjk->tik", rotation[:-1], rotation[1:])
+    out = np.array([unskew(0.5 * (s - s.T)) * rate for s in step]).reshape(-1, 3)
+    return np.vstack([out, np.zeros(3)])
