@@ -6,11 +6,9 @@ URDF cannot say where thrust acts or how strong a servo is. A URDF from snakegen
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, cast
 
-from snakegen import yaml_file
-from snakegen.errors import DescriptionError, near
+from snakegen.errors import DescriptionError
 
 
 @dataclass(frozen=True)
@@ -26,6 +24,7 @@ class Rotor:
     diameter: float = 0.1  # m
     inertia: float = 0.0  # kg m², of the spinning part about its axis
     speed: float = 3500.0  # rad/s at thrust_max
+    spin: float = 0.0  # +1 counter-clockwise about `axis`, -1, or 0: as the drag ratio says
 
 
 @dataclass(frozen=True)
@@ -120,77 +119,6 @@ def from_urdf(text: str) -> Modules | None:
         else {_text(e, "name"): _gains(e) for e in control.findall("gains")},
         plant={} if plant is None else {k: float(v) for k, v in plant.attrib.items()},
     )
-
-
-def from_file(path: Path, root: str) -> Modules:
-    """Reads a modules file for a URDF whose root link is `root`.
-
-    Raises:
-        DescriptionError: an unknown key, a missing value, or a root that the URDF does not have.
-    """
-    data = yaml_file.read(path)
-    if not isinstance(data, dict):
-        raise DescriptionError(f"{path.name}: write 'floating_root:' and 'apparatuses:'.")
-    _known(data, ("floating_root", "link_length", "apparatuses", "servos"), path.name)
-    floating = data.get("floating_root")
-    if floating is not None and floating != root:
-        raise DescriptionError(
-            f"{path.name}: floating_root '{floating}' is not the URDF's root link '{root}'."
-        )
-    lengths = {root: float(data["link_length"])} if "link_length" in data else {}
-    try:
-        return Modules(
-            floating=floating is not None,
-            lengths=lengths,
-            apparatuses=tuple(
-                _listed_apparatus(a, f"{path.name}: apparatuses[{i + 1}]")
-                for i, a in enumerate(data.get("apparatuses") or [])
-            ),
-            servos=tuple(
-                Servo(**_known(s, Servo.__dataclass_fields__, f"{path.name}: servos"))
-                for s in data.get("servos") or []
-            ),
-        )
-    except (TypeError, ValueError) as error:
-        raise DescriptionError(f"{path.name}: {error}.") from None
-
-
-def _listed_apparatus(data: Any, place: str) -> Apparatus:
-    _known(data, ("roll", "pitch", "link", "rotors"), place)
-    if not data.get("rotors"):
-        raise DescriptionError(f"{place}: 'rotors' is needed, a list of {{link, thrust_max, …}}.")
-    rotors = []
-    for k, r in enumerate(data["rotors"]):
-        here = f"{place}.rotors[{k + 1}]"
-        _known(r, Rotor.__dataclass_fields__, here)
-        for key in ("link", "thrust_max"):
-            if key not in r:
-                raise DescriptionError(f"{here}: '{key}' is needed.")
-        values: dict[str, Any] = {"thrust_min": 0.0, "drag_ratio": 0.0} | r
-        axis = tuple(float(x) for x in values.pop("axis", (0.0, 0.0, 1.0)))
-        norm = sum(x * x for x in axis) ** 0.5
-        if len(axis) != 3 or not norm > 0:
-            raise DescriptionError(f"{here}.axis: {list(axis)} is no direction; write [0, 0, 1].")
-        rotor = Rotor(
-            link=str(values.pop("link")),
-            axis=(axis[0] / norm, axis[1] / norm, axis[2] / norm),
-            **{k: float(v) for k, v in values.items()},
-        )
-        if not 0 <= rotor.thrust_min < rotor.thrust_max < float("inf"):
-            raise DescriptionError(
-                f"{here}: thrust limits {rotor.thrust_min} … {rotor.thrust_max} N are no range."
-            )
-        rotors.append(rotor)
-    return Apparatus(tuple(rotors), data.get("roll"), data.get("pitch"), data.get("link"))
-
-
-def _known(data: Any, names: Any, place: str) -> Any:
-    if not isinstance(data, dict):
-        raise DescriptionError(f"{place}: a mapping with {', '.join(names)} is needed.")
-    for key in data:
-        if key not in names:
-            raise DescriptionError(f"{place} has no field '{key}'.{near(key, names)}")
-    return data
 
 
 def _apparatus(element: ET.Element) -> Apparatus:

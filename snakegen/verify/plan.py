@@ -50,6 +50,7 @@ class Plan:
         disturbance_link: name; the root link if empty.
         disturbance_at_cog: whether the wrench is about the CoG (carried by the link), not about
             the link's origin.
+        wind: (T, 3) m/s, world, beside the plant's own; None for none.
         failures: rotors lost on the way.
         obstacles: boxes in the world.
         give_up: m, distance of the CoG from its target at which the run ends.
@@ -72,6 +73,7 @@ class Plan:
     disturbance: Floats | None = None
     disturbance_link: str = ""
     disturbance_at_cog: bool = False
+    wind: Floats | None = None
     failures: tuple[Failure, ...] = ()
     obstacles: tuple[Box, ...] = ()
     give_up: float = float("inf")

@@ -1,4 +1,4 @@
-"""What a real robot adds to the ideal one: sensor noise, thrust mismatch, delay.
+"""What a real robot adds to the ideal one: sensor noise, thrust mismatch, delay, air, battery.
 
 Every value comes from the spec's `plant` section; all random numbers of a run are drawn before it
 starts, from one generator, so that the same seed gives the same run.
@@ -11,11 +11,15 @@ import numpy as np
 
 from snakegen.errors import SpecError, near
 from snakegen.geometry import Floats, skew
+from snakegen.robot import Robot
+
+FIGURE_OF_MERIT = 0.6  # share of the ideal power that becomes thrust (assumed)
+AIR = 1.2  # kg/m³, of the power model
 
 
 @dataclass(frozen=True)
 class Imperfections:
-    """Standard deviations and delays; names and units as in the spec's `plant`."""
+    """Standard deviations, rates and switches; names and units as in the spec's `plant`."""
 
     thrust_mismatch: float = 0.03
     position_noise: float = 0.001
@@ -24,7 +28,21 @@ class Imperfections:
     gyro_noise: float = 0.01
     velocity_noise: float = 0.01
     joint_noise: float = 0.00175
+    imu_rate: float = 500.0
     delay: float = 0.0
+    servo_speed: float = 1.0
+    gyroscopic: float = 1.0
+    air_density: float = 1.2
+    drag_coefficient: float = 1.1
+    ground_effect: float = 1.0
+    downwash: float = 1.0
+    wind_speed: float = 0.0
+    wind_direction: float = 0.0
+    turbulence: float = 0.0
+    endurance: float = 180.0
+    voltage_sag: float = 0.1
+    link_stiffness: float = 0.0
+    link_damping: float = 0.02
 
     @staticmethod
     def of(values: dict[str, Any]) -> "Imperfections":
@@ -36,7 +54,7 @@ class Imperfections:
         return Imperfections(**{k: float(v) for k, v in values.items()})
 
     def ideal(self) -> "Imperfections":
-        """Returns perfect sensors and rotors."""
+        """Returns perfect sensors and rotors in still vacuum, a battery that never empties."""
         return replace(self, **{f.name: 0.0 for f in fields(self)})
 
 
@@ -48,7 +66,8 @@ class Draw:
         thrust_factor: (n_rotors,) what a rotor gives of what it is asked.
         attitude: (T, 3, 3) rotation from the true to the measured attitude, body axes.
         position, velocity, gyro: (T, 3) additive, m, m/s (world), rad/s (body).
-        angles: (T, n-1) rad, additive; constant in a run: an encoder's error does not dither.
+        angles: (n-1,) rad, additive; constant in a run: an encoder's error does not dither.
+        wind: (T, 3) m/s, world.
     """
 
     thrust_factor: Floats
@@ -57,29 +76,59 @@ class Draw:
     velocity: Floats
     gyro: Floats
     angles: Floats
+    wind: Floats
 
 
 def draw(
-    what: Imperfections, rng: np.random.Generator, ticks: int, rotors: int, joints: int
+    what: Imperfections,
+    rng: np.random.Generator,
+    ticks: int,
+    rotors: int,
+    joints: int,
+    *,
+    rate: float = 200.0,
 ) -> Draw:
-    """Draws the noise of one run."""
+    """Draws the noise of one run of `ticks` at `rate` Hz."""
+    from snakegen.verify.wind import dryden, steady
+
     factor = 1.0 + what.thrust_mismatch * rng.standard_normal(rotors)
     bias = what.attitude_bias * rng.standard_normal(3)
     tilt = bias + what.attitude_noise * rng.standard_normal((ticks, 3))
+    position = what.position_noise * rng.standard_normal((ticks, 3))
+    velocity = what.velocity_noise * rng.standard_normal((ticks, 3))
+    gyro = what.gyro_noise * rng.standard_normal((ticks, 3))
+    angles = what.joint_noise * rng.standard_normal(joints)
+    wind = steady(ticks, what.wind_speed, what.wind_direction)
+    if what.turbulence > 0.0:
+        wind = wind + dryden(
+            ticks, rate, rng, what.turbulence, what.wind_speed, what.wind_direction
+        )
     return Draw(
-        np.clip(factor, 0.5, 1.5),
-        _small_rotations(tilt),
-        what.position_noise * rng.standard_normal((ticks, 3)),
-        what.velocity_noise * rng.standard_normal((ticks, 3)),
-        what.gyro_noise * rng.standard_normal((ticks, 3)),
-        np.repeat(what.joint_noise * rng.standard_normal((1, joints)), ticks, axis=0),
+        np.clip(factor, 0.5, 1.5), small_rotations(tilt), position, velocity, gyro, angles, wind
     )
 
 
-def _small_rotations(vectors: Floats) -> Floats:
+def small_rotations(vectors: Floats) -> Floats:
     """Returns (T, 3, 3) rotations ``exp(v×)`` of rotation vectors (T, 3)."""
     angle = np.linalg.norm(vectors, axis=1)
     safe = np.maximum(angle, 1e-12)
     k = skew(vectors / safe[:, None])
     sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
-    return np.eye(3) + sine * k + (1.0 - cosine) * (k @ k)
+    return np.asarray(np.eye(3) + sine * k + (1.0 - cosine) * (k @ k))
+
+
+def power_factors(robot: Robot) -> Floats:
+    """Returns c (n_rotors,) [W N^-1.5] of the electric power ``P = Σ c T^1.5``.
+
+    Momentum theory's ideal power ``T^1.5 / √(2 ρ A)`` over a figure of merit of 0.6 (assumed).
+    """
+    sizes = np.array([r.diameter for a in robot.modules.apparatuses for r in a.rotors])
+    area = np.pi * (0.5 * sizes) ** 2
+    return np.asarray(1.0 / (FIGURE_OF_MERIT * np.sqrt(2.0 * AIR * area)))
+
+
+def battery_energy(robot: Robot, endurance: float) -> float:
+    """Returns the battery's energy [J]: what hovering for `endurance` s takes; inf for 0."""
+    factors = power_factors(robot)
+    share = robot.force_scale / len(factors)
+    return float(endurance * factors.sum() * share**1.5) if endurance > 0 else float("inf")

@@ -92,10 +92,12 @@ def make_world(
     """
     spec = decorate(robot.urdf, robot.modules, {}, visuals=False)
     spec.option.timestep = timestep
+    # a reset in mid-run would hide that the run has diverged
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    for sensor in list(spec.sensors):  # the loop reads the state; sensors would only cost time
+        spec.delete(sensor)
     if floor:
-        spec.worldbody.add_geom(
-            name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05]
-        )
+        _add_floor(spec)
     for box in obstacles:
         spec.worldbody.add_geom(
             name=box.name, type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre, size=box.half
@@ -118,6 +120,21 @@ def make_world(
         _table(pairs, names.index),
         np.array([model.actuator(n).id for n in chain], np.int64),
         np.array([names.index(n) for n in chain], np.int64),
+    )
+
+
+def _add_floor(spec: mujoco.MjSpec) -> None:
+    """Adds ground at z = 0, and a sensor of the normal force [N] that acts below z = 5 cm."""
+    world, kind = spec.worldbody, mujoco.mjtGeom
+    world.add_geom(name="floor", type=kind.mjGEOM_PLANE, size=[0.0, 0.0, 0.05])
+    world.add_site(
+        name="ground", type=kind.mjGEOM_BOX, pos=[0, 0, -0.95], size=[1e3, 1e3, 1.0], group=5
+    )
+    spec.add_sensor(
+        name="ground",
+        type=mujoco.mjtSensor.mjSENS_TOUCH,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        objname="ground",
     )
 
 
