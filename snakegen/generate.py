@@ -30,7 +30,7 @@ class Build:
         picture: a rendered PNG, None if not asked for.
         picture_note: why the picture is a drawing and not a rendering, empty if it is one.
         equivalence: the gate's figures.
-        warnings: of the lint.
+        warnings: of the spec and the lint.
     """
 
     urdf: Path
@@ -63,14 +63,18 @@ def build(
         SnakegenError: a mistake in the spec, or a folder that cannot be written.
     """
     from snakegen.description import lint, meshes
+    from snakegen.description.drums import drum_meshes
+    from snakegen.resolve import warnings
 
     spec = load_spec(source)
     target = Path(out_dir) if out_dir is not None else Path("generated") / spec.name
     with folder_whole(target) as folder:
         spec_path = folder / f"{spec.name}.spec.yaml"
-        spec_path.write_text(yaml_file.dump(spec.resolved()), encoding="utf-8")
+        resolved = spec.resolved()
+        spec_path.write_text(yaml_file.dump(resolved), encoding="utf-8")
         urdf_path, text = _write_urdf(spec_path, spec.name, mesh_uri)
         made = meshes.write_meshes(folder / "meshes", _needed(meshes.unit_meshes(), text))
+        made |= meshes.write_meshes(folder / "meshes", drum_meshes(resolved))
         found = lint.lint(text, folder=folder)
         lint.refuse(found, urdf_path.name)
         equivalence = _write_mjcf(folder, spec.name, text, made)
@@ -86,7 +90,7 @@ def build(
         target / png.name if png else None,
         note,
         equivalence,
-        tuple(str(f) for f in found if f.severity == "warning"),
+        (*warnings(spec), *(str(f) for f in found if f.severity == "warning")),
     )
 
 

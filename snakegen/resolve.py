@@ -1,13 +1,17 @@
 """Resolving a spec: lists spelled out, apparatuses in order, inertias computed from geometry."""
 
+import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 from snakegen import inertia
+from snakegen.errors import SpecError
 from snakegen.places import Part, spell_out, spread
+from snakegen.wheel_layout import wheel_layout
 
 if TYPE_CHECKING:
-    from snakegen.spec import Chain, Joint, Payload, RobotSpec, VectoringApparatus
+    from snakegen.spec import Chain, Joint, RobotSpec
+    from snakegen.spec_modules import Caster, Payload, ScrewDrive, VectoringApparatus
 
 _CROSS_WIDTH = 0.05  # m, of the joint cross and the gimbal modules where no inertia is given
 
@@ -31,6 +35,10 @@ def resolve(spec: "RobotSpec") -> dict[str, Any]:
             where = f"control.gain_sets.{name}.{key}"
             values = spread(getattr(gains, key), count, where, "apparatuses")
             out["control"]["gain_sets"][name][key] = values
+    if spec.screw_drive is not None:
+        out["screw_drive"] |= _screws(spec.screw_drive, out["chain"]["length"])
+    if spec.caster is not None:
+        out["caster"] |= _casters(spec.caster, n, spec.screw_drive)
     if spec.payload is not None:
         out["payload"] |= _payload(spec.payload, n)
     return out
@@ -140,6 +148,114 @@ def _apparatuses(part: "VectoringApparatus", links: int) -> dict[str, Any]:
     if not isinstance(part.spin, list):
         out["spin"] = part.model_copy(update={"rotors": out["rotors"]}).spins(n)
     out["at"] = [{"link": places[j].link, "position": places[j].position} for j in order]
+    return out
+
+
+def _screws(part: "ScrewDrive", lengths: list[float]) -> dict[str, Any]:
+    """Spells out the drums, ordered from the root, and lays out the wheels of each."""
+    where, places = "screw_drive", spell_out(part.at, len(lengths), "screw_drive.at")
+    n = len(places)
+    if n < 2:
+        raise ValueError(
+            f"{where}.at: {n} drum cannot drive a body; 2 at least, and 3 to hold its course"
+        )
+    offsets = spread(part.offset, n, f"{where}.offset", "drums")
+    share = [
+        p.position if o is None else o / lengths[p.link - 1]
+        for p, o in zip(places, offsets, strict=True)
+    ]
+    for p, o, x in zip(places, offsets, share, strict=True):
+        if x > 1:
+            raise ValueError(
+                f"{where}.offset: {o:g} m lies off link {p.link}, {lengths[p.link - 1]:g} m long"
+            )
+    angles = spread(part.helix_angle, n, f"{where}.helix_angle", "drums")
+    masses = spread(part.mass, n, f"{where}.mass", "drums")
+    order = sorted(range(n), key=lambda j: (places[j].link, share[j]))
+    signs = part.signs(n)
+    if part.hand != "alternating":
+        signs = [signs[j] for j in order]
+    angles, masses = [angles[j] for j in order], [masses[j] for j in order]
+    for angle in angles:
+        if angle < 0:
+            raise ValueError(f"{where}.helix_angle: {angle:g} rad; its sign is the hand's: right")
+    alpha = [sign * angle for sign, angle in zip(signs, angles, strict=True)]
+    wheels = [_wheels(part, a) for a in alpha]
+    reach = max(abs(p[0]) for one in wheels for p in one["position"])
+    length = part.length or 2.0 * (reach + 2.0 * part.wheel_radius)
+
+    def drum(i: int) -> inertia.Diagonal:
+        return inertia.cylinder(masses[i], 0.8 * part.radius, length)
+
+    inertias = _inertias(part.inertia, n, f"{where}.inertia", "drums", drum)
+    out = {
+        "at": [{"link": places[j].link, "position": share[j]} for j in order],
+        "helix_angle": angles,
+        "hand": ["left" if sign > 0 else "right" for sign in signs],
+        "length": length,
+        "mass": masses,
+        "inertia": [inertias[j] for j in order] if isinstance(part.inertia, list) else inertias,
+        "alpha": alpha,
+        "wheels": wheels,
+    }
+    return out if part.offset is None else out | {"offset": [offsets[j] for j in order]}
+
+
+def _wheels(part: "ScrewDrive", alpha: float) -> dict[str, Any]:
+    """Returns the wheels of a drum as plain lists: xacro cannot work them out."""
+    try:
+        layout = wheel_layout(
+            alpha,
+            part.radius,
+            part.blades,
+            part.wheels_per_blade,
+            part.rollers,
+            part.wheel_radius,
+        )
+    except SpecError as error:
+        raise ValueError(f"screw_drive: {str(error).rstrip('.')}") from None
+    return {
+        "position": layout.position.round(12).tolist(),
+        "rpy": layout.rpy.round(12).tolist(),
+        "blade": layout.blade.tolist(),
+        "wheel": layout.wheel.tolist(),
+        "half_length": float(layout.half_length),
+    }
+
+
+def warnings(spec: "RobotSpec") -> tuple[str, ...]:
+    """Returns what a spec allows and its maker should know."""
+    if spec.screw_drive is None:
+        return ()
+    alpha = spec.resolved()["screw_drive"]["alpha"]
+    out = []
+    if len({a > 0 for a in alpha}) == 1:
+        degrees = ", ".join(f"{math.degrees(a):.4g}°" for a in alpha)
+        out.append(
+            f"screw_drive: all {len(alpha)} drums have one hand (α {degrees}): a straight body "
+            "slides across its course and cannot steer straight"
+        )
+    elif len(alpha) < 3:
+        out.append(f"screw_drive: {len(alpha)} drums leave a turn free in every shape; 3 hold it")
+    if spec.caster is None:
+        out.append("no caster: a straight body stands on a line and rolls over; put one at 1@0")
+    return tuple(out)
+
+
+def _casters(part: "Caster", links: int, screws: "ScrewDrive | None") -> dict[str, Any]:
+    places = spell_out(part.at, links, "caster.at")
+    n = len(places)
+    if part.drop is None and screws is None:
+        raise ValueError("caster.drop: needed, in m, where there are no drums to stand on")
+    drop = part.drop if part.drop is not None or screws is None else screws.radius
+    out = _lists(part, "caster", ("track", "radius", "mass"), n, "casters")
+    out["drop"] = spread(drop, n, "caster.drop", "casters")
+
+    def ball(i: int) -> inertia.Diagonal:
+        return inertia.sphere(out["mass"][i], out["radius"][i])
+
+    out["inertia"] = _inertias(part.inertia, n, "caster.inertia", "casters", ball)
+    out["at"] = [{"link": p.link, "position": p.position} for p in places]
     return out
 
 

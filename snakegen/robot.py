@@ -10,12 +10,18 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from snakegen import modules as modules_file
 from snakegen.errors import DescriptionError, PostureError, SnakegenError, near
-from snakegen.geometry import Floats, quaternion_xyzw, rotation_from_rpy, rotation_from_xyzw
+from snakegen.geometry import Floats, rotation_from_xyzw
 from snakegen.kernels.tree import Gimbals, Rotors, Tree
-from snakegen.modules import Modules
-from snakegen.robot_arrays import gimbals_of, rotors_of, tree_of
+from snakegen.modules import Modules, from_urdf
+from snakegen.modules_file import from_file, with_servos
+from snakegen.robot_arrays import (
+    configuration_of,
+    gimbals_of,
+    rotors_of,
+    spinners_of,
+    tree_of,
+)
 
 GRAVITY = 9.81  # m/s²
 
@@ -61,9 +67,19 @@ class Robot:
 
     @cached_property
     def chain_joints(self) -> tuple[str, ...]:
-        """Names of the joints that shape the body: neither gimbals nor spinning rotors."""
+        """Names of the joints that shape the body: no gimbals, spinning rotors, drums, wheels."""
         out = set(self.gimbal_names) | {self.joint_names[b - 1] for b in self.spinners}
+        out |= self.rolling_names
         return tuple(n for n in self.joint_names if n not in out)
+
+    @cached_property
+    def rolling_names(self) -> frozenset[str]:
+        """Names of the joints that turn a drum, and of all that turn on it."""
+        drums = {self.body_of_joint(screw.joint) for screw in self.modules.screws}
+        rolling = np.zeros(self.tree.parent.size, bool)
+        for body, parent in enumerate(self.tree.parent):  # parents stand before children
+            rolling[body] = body in drums or (parent >= 0 and rolling[parent])
+        return frozenset(self.joint_names[b - 1] for b in np.flatnonzero(rolling))
 
     @cached_property
     def urdf_hash(self) -> str:
@@ -111,10 +127,7 @@ class Robot:
     @cached_property
     def spinners(self) -> frozenset[int]:
         """Bodies that a rotor's own spin joint moves: their angle does not matter."""
-        held = {self.body_of_link(n)[0] for a in self.modules.apparatuses for n in a.rotor_links}
-        driven = {self.joint_names.index(n) + 1 for n in self.gimbal_names}
-        parents = set(self.tree.parent.tolist())
-        return frozenset(b for b in held - driven if b > 0 and b not in parents)
+        return spinners_of(self)
 
     def body_of_link(self, link: str) -> tuple[int, Floats, Floats]:
         """Returns the body that carries `link`, and the link's rotation and origin in it."""
@@ -151,32 +164,7 @@ class Robot:
         Raises:
             PostureError: an unknown name (with the near ones), no number, or out of limits.
         """
-        given = dict(posture or {})
-        rpy = given.pop("base_rpy", base_rpy)
-        position = given.pop("base_position", base_position)
-        q = pin.neutral(self.model)
-        if self.floating:
-            q[:3] = _vector(position, "base_position")
-            q[3:7] = quaternion_xyzw(rotation_from_rpy(_vector(rpy, "base_rpy")))
-        elif np.any(_vector(rpy, "base_rpy")) or np.any(_vector(position, "base_position")):
-            raise PostureError(f"{self.name} has a fixed base; it takes no base pose.")
-        for name, value in given.items():
-            if name not in self.joint_names:
-                known = (*self.joint_names, "base_rpy", "base_position")
-                raise PostureError(f"{self.name} has no joint '{name}'.{near(name, known)}")
-            angle = _finite(value, name)
-            joint = self.model.joints[self.model.getJointId(name)]
-            low = float(self.model.lowerPositionLimit[joint.idx_q])
-            high = float(self.model.upperPositionLimit[joint.idx_q])
-            if joint.nq == 2:
-                q[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
-                continue
-            if not low - 1e-9 <= angle <= high + 1e-9:
-                raise PostureError(
-                    f"{self.name}: {name} = {angle:g} is outside its limits {low:g} … {high:g}."
-                )
-            q[joint.idx_q] = angle
-        return q
+        return configuration_of(self, posture or {}, base_rpy, base_position)
 
     def check_q(self, q: Any) -> Floats:
         """Returns `q` as float64 after checking its size and its numbers."""
@@ -268,9 +256,9 @@ def from_urdf_text(
 
     if not checked:
         lint.check(path if path is not None else text)
-    found = modules_file.from_urdf(text)
+    found = from_urdf(text)
     if modules is not None:
-        found = modules_file.from_file(Path(modules), _root_link(text))
+        found = with_servos(from_file(Path(modules), _root_link(text)), text)
     if found is None:
         found = Modules(floating=False)
     try:
@@ -289,26 +277,16 @@ def from_urdf_text(
             )
         joint = model.joints[model.getJointId(servo.joint)]
         model.armature[joint.idx_v] = servo.armature
+    for screw in found.screws:
+        if not model.existJointName(screw.joint):
+            raise DescriptionError(
+                f"screw drive on joint '{screw.joint}', which does not exist."
+                f"{near(screw.joint, list(model.names)[1:])}"
+            )
+        model.armature[model.joints[model.getJointId(screw.joint)].idx_v] = screw.armature
     robot = Robot(str(model.name), text, path, found, model)
     _ = robot.tree, robot.rotors, robot.gimbals  # a wrong name is an error now, not later
     return robot
-
-
-def _vector(value: Any, name: str) -> Floats:
-    out = np.asarray(value, dtype=object)
-    if out.shape != (3,):
-        raise PostureError(f"{name}: three numbers are needed, not {value!r}.")
-    return np.array([_finite(v, name) for v in out])
-
-
-def _finite(value: Any, name: str) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise PostureError(f"{name}: {value!r} is not a number.") from None
-    if isinstance(value, bool) or not np.isfinite(number):
-        raise PostureError(f"{name}: {value!r} is not a finite number.")
-    return number
 
 
 def _root_link(text: str) -> str:

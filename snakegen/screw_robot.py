@@ -9,21 +9,11 @@ from snakegen.robot import Robot
 from snakegen.screw_motion import ScrewGeometry
 
 
-def shape_joints(robot: Robot) -> tuple[str, ...]:
-    """Returns the names of the chain joints without drums and what turns on them."""
-    drums = {robot.body_of_joint(screw.joint) for screw in robot.modules.screws}
-    return tuple(
-        name
-        for name in robot.chain_joints
-        if not drums & {robot.body_of_joint(name), *_ancestors(robot, robot.body_of_joint(name))}
-    )
-
-
 def yaw_joints(robot: Robot) -> tuple[str, ...]:
     """Returns the names of the chain joints whose axis is vertical in the neutral posture."""
     rotation, _ = _neutral(robot)
     names = []
-    for name in shape_joints(robot):
+    for name in robot.chain_joints:
         body = robot.body_of_joint(name)
         axis = rotation[body] @ robot.tree.axis[body]
         if axis[2] > 1 - 1e-9 and not robot.tree.prismatic[body]:

@@ -14,13 +14,13 @@ from snakegen.places import (
     Fraction,
     NonNegative,
     Part,
-    Places,
     Positive,
     Real,
     Vector,
     number,
     spread,
 )
+from snakegen.spec_modules import Caster, Payload, ScrewDrive, Servo, VectoringApparatus
 from snakegen.yaml_file import refuse_executable
 
 MAX_LINKS = 1000
@@ -41,15 +41,6 @@ class Chain(Part):
     inertia: Diagonal | list[Diagonal] | None = Field(
         None, description="kg m², Ixx Iyy Izz about the centre of mass; from rod and mass if absent"
     )
-
-
-class Servo(Part):
-    """A position servo as the simulator sees it."""
-
-    stiffness: Positive = Field(200.0, description="N m/rad")
-    damping: NonNegative = Field(10.0, description="N m s/rad")
-    armature: NonNegative = Field(0.005, description="kg m², reflected rotor inertia")
-    friction: NonNegative = Field(0.0, description="N m, dry friction of the joint")
 
 
 class Joint(Part):
@@ -81,62 +72,6 @@ class Joint(Part):
         nested = not self.axes or isinstance(self.axes[0], list)
         per_joint = self.axes if nested else [list(self.axes)] * count
         return spread(list(per_joint), count, "joint.axes", "joints")
-
-
-class VectoringApparatus(Part):
-    """Rotors behind a roll and a pitch gimbal (ZN23 Fig 2B), on any subset of links."""
-
-    at: Places = Field("all", description='"all", or places: 1, "2@0.3", {link: 2, position: 0.8}')
-    rotors: Literal[1, 2] | list[Literal[1, 2]] = 2
-    separation: Positive | list[Positive] = Field(0.223, description="m, between the two rotors")
-    offset: Real | list[Real] = Field(0.037, description="m, pitch axis above the roll axis")
-    thrust_min: NonNegative | list[NonNegative] = Field(0.0, description="N a rotor")
-    thrust_max: Positive | list[Positive] = Field(16.0, description="N a rotor")
-    drag_ratio: NonNegative | list[NonNegative] = Field(0.0125, description="κ, m")
-    spin: Literal["alternating", "same"] | list[list[Literal[-1, 1]]] = Field(
-        "alternating", description="(+,−) on odd, (−,+) on even apparatuses; or a list for each"
-    )
-    roll_limit: Positive | list[Positive] = Field(3.14159265, description="rad, |φ|")
-    pitch_limit: Positive | list[Positive] = Field(3.14159265, description="rad, |θ|")
-    effort: Positive | list[Positive] = Field(3.0, description="N m, both gimbal servos")
-    velocity: Positive | list[Positive] = Field(12.5, description="rad/s, both gimbal servos")
-    servo: Servo = Servo(stiffness=100.0, damping=2.1, armature=0.005)
-    roll_mass: Positive | list[Positive] = Field(0.46, description="kg, module on the roll axis")
-    roll_inertia: Diagonal | list[Diagonal] | None = None
-    pitch_mass: Positive | list[Positive] = Field(0.53, description="kg, module with the rotors")
-    pitch_inertia: Diagonal | list[Diagonal] | None = None
-    rotor_diameter: Positive | list[Positive] = Field(0.07, description="m")
-    rotor_inertia: NonNegative | list[NonNegative] = Field(
-        1.5e-5, description="kg m², of one spinning rotor about its axis (assumed)"
-    )
-    rotor_speed: Positive | list[Positive] = Field(
-        3500.0, description="rad/s at thrust_max (assumed); speed grows as the root of thrust"
-    )
-    motor_lag: NonNegative | list[NonNegative] = Field(0.035, description="s, first order")
-
-    def spins(self, count: int) -> list[list[int]]:
-        """Returns the spin (±1) of each rotor of each of `count` apparatuses."""
-        rotors = spread(self.rotors, count, "vectoring_apparatus.rotors", "apparatuses")
-        if isinstance(self.spin, list):
-            spins = spread(self.spin, count, "vectoring_apparatus.spin", "apparatuses")
-            for j, (one, n) in enumerate(zip(spins, rotors, strict=True)):
-                if len(one) != n:
-                    raise ValueError(
-                        f"vectoring_apparatus.spin[{j}]: {len(one)} spins for {n} rotors"
-                    )
-            return [[int(s) for s in one] for one in spins]
-        flip = -1 if self.spin == "alternating" else 1
-        return [[flip**j, -(flip**j)][:n] for j, n in enumerate(rotors)]
-
-
-class Payload(Part):
-    """Lumps fixed to links: spheres of `radius`."""
-
-    at: Places
-    mass: Positive | list[Positive] = Field(description="kg each")
-    offset: Vector | list[Vector] = Field((0.0, 0.0, 0.0), description="m, from the link's axis")
-    radius: Positive | list[Positive] = Field(0.03, description="m")
-    inertia: Diagonal | list[Diagonal] | None = None
 
 
 class GainSet(Part):
@@ -196,6 +131,8 @@ class RobotSpec(Part):
     chain: Chain
     joint: Joint = Joint()
     vectoring_apparatus: VectoringApparatus | None = None
+    screw_drive: ScrewDrive | None = None
+    caster: Caster | None = None
     payload: Payload | None = None
     control: Control = Control()
     plant: Plant = Plant()

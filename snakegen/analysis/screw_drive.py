@@ -25,7 +25,7 @@ from snakegen.screw_motion import (
     path_demand,
     slip_sensitivity,
 )
-from snakegen.screw_robot import drive_geometry, shape_joints, yaw_joints
+from snakegen.screw_robot import drive_geometry, yaw_joints
 from snakegen.screw_singularity import DriveHold, HoldSearch, drive_hold, search_hold
 
 __all__ = [
@@ -220,7 +220,7 @@ def analyze(
     if path not in NAMED:
         raise AnalysisError(f"there is no path '{path}'.{near(path, NAMED)}")
     yaws, angle = yaw_joints(robot), dict(zip(robot.joint_names, robot.angles(q), strict=True))
-    others = [abs(angle[name]) for name in shape_joints(robot) if name not in yaws]
+    others = [abs(angle[name]) for name in robot.chain_joints if name not in yaws]
     drums = tuple(screw.joint for screw in robot.modules.screws)
     low, high, _ = robot.limits(yaws)
     return examine(

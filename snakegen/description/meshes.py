@@ -154,6 +154,7 @@ def screw_drum(
     hand: int = 1,
     blades: int = 8,
     wheels_per_blade: int = 4,
+    axle_radius: float | None = None,
 ) -> Trimesh:
     """Returns a drum along x with helical blades and the outline of the wheels on them.
 
@@ -167,6 +168,7 @@ def screw_drum(
         hand: ±1, multiplies α.
         blades: count of blades.
         wheels_per_blade: wheels on each; 0 when the wheels are bodies of their own.
+        axle_radius: where the blades run along the axles [m]; `radius` if absent.
 
     Raises:
         DescriptionError: a size that is not positive, or an angle of 90° and more.
@@ -174,7 +176,7 @@ def screw_drum(
     _positive(radius=radius, length=length, blades=blades)
     if not abs(helix_angle) < math.pi / 2:
         raise DescriptionError(f"the helix angle {helix_angle:g} rad must be within ±π/2.")
-    slope = math.tan(helix_angle * (1 if hand > 0 else -1)) / radius
+    slope = math.tan(helix_angle * (1 if hand > 0 else -1)) / (axle_radius or radius)
     parts = [solids.cylinder(0.5 * radius, -0.5 * length, 0.5 * length, "x", 32)]
     for cap in (-0.5 * length, 0.47 * length):
         parts.append(solids.cylinder(0.62 * radius, cap, cap + 0.03 * length, "x", 32))

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from snakegen.description.mjcf_rest import GRAVITY, add_from_rest, lowest_point
+from snakegen.description.screw_contact import decorate_drive
 from snakegen.errors import DescriptionError
 from snakegen.geometry import (
     Floats,
@@ -30,7 +31,12 @@ _VISUAL = re.compile(r"<visual\b.*?</visual>", re.DOTALL)
 
 
 def decorate(
-    urdf: str, modules: Modules, assets: Mapping[str, bytes], *, visuals: bool = True
+    urdf: str,
+    modules: Modules,
+    assets: Mapping[str, bytes],
+    *,
+    visuals: bool = True,
+    rollers: str | None = None,
 ) -> mujoco.MjSpec:
     """Returns the MJCF of a URDF, with everything that a simulation needs.
 
@@ -43,6 +49,7 @@ def decorate(
         modules: what its links carry.
         assets: mesh files by the path that the URDF gives.
         visuals: keep what is only seen; a simulation needs none of it, nor its meshes.
+        rollers: how drums touch the ground, in place of the modules' own.
 
     Raises:
         DescriptionError: MuJoCo cannot read or compile the model.
@@ -59,6 +66,8 @@ def decorate(
         _classes(spec)
         _rotors(spec, modules)
         _servos(spec, modules)
+        if modules.screws:
+            decorate_drive(spec, modules, rollers)
         _sensors(spec, root, modules)
         add_from_rest(spec, root, modules)
     except ValueError as error:
@@ -208,6 +217,13 @@ def _sensors(spec: mujoco.MjSpec, root: Any, modules: Modules) -> None:
         for servo in modules.servos:
             name = f"{servo.joint}_{suffix}"
             spec.add_sensor(name=name, type=type_, objtype=object_, objname=servo.joint)
+    for screw in modules.screws:
+        for suffix, type_ in (
+            ("rate", kind.mjSENS_ACTUATORVEL),
+            ("torque", kind.mjSENS_ACTUATORFRC),
+        ):
+            name, actuator = f"{screw.joint}_{suffix}", thing.mjOBJ_ACTUATOR
+            spec.add_sensor(name=name, type=type_, objtype=actuator, objname=screw.joint)
 
 
 def scene(robot_file: str, model: str) -> str:
@@ -230,7 +246,7 @@ def scene(robot_file: str, model: str) -> str:
   </asset>
 
   <worldbody>
-    <geom name="floor" type="plane" size="0 0 0.05" material="floor"/>
+    <geom name="floor" type="plane" size="0 0 0.05" material="floor" contype="3" conaffinity="3"/>
   </worldbody>
 </mujoco>
 """

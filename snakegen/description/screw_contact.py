@@ -75,6 +75,13 @@ def _hinge(spec: mujoco.MjSpec, unit: int) -> mujoco.MjsJoint:
     return joint
 
 
+def _strip(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
+    """Takes away what of a body could touch something; what is only seen stays."""
+    for geom in list(body.geoms):
+        if geom.contype or geom.conaffinity:
+            spec.delete(geom)
+
+
 def _roller(geom: mujoco.MjsGeom, contact: ScrewContact) -> None:
     """Gives a geom the friction and masks of a roller: it touches the ground and nothing else."""
     geom.contype, geom.conaffinity = 0, GROUND_BIT
@@ -86,7 +93,7 @@ def _roller(geom: mujoco.MjsGeom, contact: ScrewContact) -> None:
     geom.solref = [0.01, 1.0]
     geom.solimp = [0.9, 0.95, 0.001, 0.5, 2.0]
     geom.mass = 0.0
-    geom.group = 0
+    geom.group = 3
 
 
 def _wheels(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
@@ -102,8 +109,7 @@ def _wheels(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
     }[contact.rollers]
     for blade, wheel in zip(layout.blade, layout.wheel, strict=True):
         body = _body(spec, f"wheel{unit + 1}_{blade}_{wheel}")
-        for geom in list(body.geoms):
-            spec.delete(geom)
+        _strip(spec, body)
         _roller(body.add_geom(name=f"{body.name}_contact", type=kind, size=size), contact)
 
 
@@ -115,8 +121,9 @@ def _ball(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
         spec.delete(child)
     # A ball turns about every axis: one moment for all, or its spin would be lopsided.
     drum.inertia = [float(np.mean(drum.inertia))] * 3
-    for element in [*drum.joints, *drum.geoms]:
-        spec.delete(element)
+    _strip(spec, drum)
+    for joint in list(drum.joints):
+        spec.delete(joint)
     drum.add_joint(name=drum.name, type=mujoco.mjtJoint.mjJNT_BALL, armature=contact.screw_armature)
     sphere = mujoco.mjtGeom.mjGEOM_SPHERE
     _roller(
@@ -164,8 +171,7 @@ def decorate_caster(spec: mujoco.MjSpec, name: str, track: float, wheel_radius: 
     Two, for a robot that is straight stands on a line: they carry the drums' reaction moment.
     """
     body = _body(spec, name)
-    for geom in list(body.geoms):
-        spec.delete(geom)
+    _strip(spec, body)
     for side in (1, -1):
         geom = body.add_geom(
             name=f"{name}_contact{1 if side > 0 else 2}",
@@ -174,7 +180,7 @@ def decorate_caster(spec: mujoco.MjSpec, name: str, track: float, wheel_radius: 
             pos=[0, side * track / 2, wheel_radius],
         )
         geom.contype, geom.conaffinity = 0, GROUND_BIT
-        geom.condim, geom.priority, geom.mass = 1, 2, 0.0
+        geom.condim, geom.priority, geom.mass, geom.group = 1, 2, 0.0, 3
         geom.solref = [0.004, 1.0]
 
 
