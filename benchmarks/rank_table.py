@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from snakegen.analysis import actuation, margin
+from snakegen.analysis import actuation
+from snakegen.analysis import wrench_margin as margin
 from snakegen.posture import hover_gimbals
 from snakegen.robot import Robot, load
 

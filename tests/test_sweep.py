@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from snakegen.analysis import margin
+from snakegen.analysis import wrench_margin as margin
 from snakegen.errors import AnalysisError
 from snakegen.kernels.postures import segment_distance
 from snakegen.posture import hover_gimbals

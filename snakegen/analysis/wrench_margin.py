@@ -1,6 +1,195 @@
-"""How much wrench a robot has to spare round hover (THEORY A4)."""
+"""Feasible-wrench margins of both modes: how much a body resists, where it is weakest, and why."""
 
+from typing import Any
+
+import numpy as np
+
+from snakegen.analysis.allocation import Allocation, allocation
+from snakegen.geometry import Floats
+from snakegen.kinetostatics.joint_loads import joint_loads
+from snakegen.margins.controller import thrust_controller, vectored_controller
+from snakegen.margins.failure import thrust_failures, vectored_failures
+from snakegen.margins.joint_limited import thrust_joint_limited, vectored_joint_limited
+from snakegen.margins.summary import JointLimited, Margins, Weakest
 from snakegen.margins.thrust import ThrustMargins, thrust_margins
+from snakegen.margins.uncertainty import guaranteed_thrust, guaranteed_vectored
 from snakegen.margins.vectored import VectoredMargins, vectored_margins
+from snakegen.robot import Robot
 
-__all__ = ["ThrustMargins", "VectoredMargins", "thrust_margins", "vectored_margins"]
+__all__ = [
+    "ThrustMargins",
+    "VectoredMargins",
+    "analyze",
+    "applies",
+    "thrust_margins",
+    "vectored_margins",
+]
+
+COMMAND = "margin"
+ORDER = 50
+OPTIONS = {
+    "tolerance": [1e-3, "relative gap of the certified vectored margins"],
+    "failures": [False, "add the table of each rotor and each apparatus lost"],
+    "link": ["", "where a disturbance acts, for the joint-limited margins; the root link if empty"],
+    "mass_error": [0.0, "fraction: also the margins guaranteed for a mass this uncertain"],
+    "thrust_error": [0.0, "fraction: the same for thrust limits"],
+}
+
+
+def applies(robot: Robot) -> bool:
+    """A robot with rotors and a free base."""
+    return bool(robot.modules.apparatuses) and robot.floating
+
+
+def analyze(
+    robot: Robot,
+    q: Floats,
+    tolerance: float = 1e-3,
+    failures: bool = False,
+    link: str = "",
+    mass_error: float = 0.0,
+    thrust_error: float = 0.0,
+) -> Margins:
+    """Returns the margins of THEORY A4 at q for both modes.
+
+    Vectored: gimbals free, each apparatus force in a ball at its point of the posture's gimbal
+    angles. Dual-rotor: gimbals held at q's angles, exact.
+
+    Raises:
+        DescriptionError: no such link.
+        AnalysisError: an error share outside 0…1.
+    """
+    a = allocation(robot, q)
+    rotors, limit = robot.rotors, robot.gimbals.limit
+    scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    low, high = rotors.thrust_min, rotors.thrust_max
+    dual = thrust_margins(a.dual, low, high, a.hover_wrench, **scale)
+    names = [r.link for m in robot.modules.apparatuses for r in m.rotors]
+    units = [f"apparatus {j + 1}" for j in range(limit.size)]
+    controller = {
+        "dual_rotor": _slices(thrust_controller(a.dual, low, high, a.hover_wrench, **scale))
+    }
+    vectored: dict[str, Weakest] = {}
+    closed = False
+    if robot.gimbal_names:
+        v = vectored_margins(a.thrust_points, limit, a.hover_wrench, tolerance=tolerance, **scale)
+        closed = bool(v.closed)
+        vectored = {n: _weakest(v, n, units) for n in ("wrench", "force", "torque")}
+        controller["virtual_single_rotor"] = _slices(
+            vectored_controller(
+                a.thrust_points, limit, a.hover_wrench, weights=np.ones(limit.size), **scale
+            )
+        )
+    return Margins(
+        vectored,
+        closed,
+        {n: _weakest(dual, n, names) for n in ("wrench", "force", "torque", "attitude_altitude")},
+        controller,
+        _joint_limited(robot, q, a, link or robot.root_link, tolerance, scale),
+        _guaranteed(robot, a, mass_error, thrust_error, scale),
+        _failures(robot, a, names, units, tolerance, scale) if failures else (),
+        tolerance,
+    )
+
+
+def _weakest(found: ThrustMargins | VectoredMargins, name: str, labels: list[str]) -> Weakest:
+    value = float(getattr(found, name))
+    bounds = (value, value)
+    if isinstance(found, VectoredMargins):
+        low, high = getattr(found, f"{name}_bounds")
+        bounds = (float(low), float(high))
+    full, idle = found.saturated(name)
+    if isinstance(found, VectoredMargins):
+        idle = []  # an apparatus with room is at no limit
+    return Weakest(
+        value,
+        bounds,
+        tuple(float(x) for x in found.worst(name)),
+        tuple(labels[i] for i in full),
+        tuple(labels[i] for i in idle),
+    )
+
+
+def _joint_limited(
+    robot: Robot, q: Floats, a: Allocation, link: str, tolerance: float, scale: dict[str, float]
+) -> dict[str, JointLimited]:
+    """Returns the joint-limited margins by mode; none where the body has no joints."""
+    loads = joint_loads(robot, q, link)
+    if not loads.names or not np.all(np.isfinite(loads.limit) & (loads.limit > 0)):
+        return {}
+    shared = (loads.bias, loads.limit)
+    more = {"disturbance": loads.disturbance, "tolerance": tolerance} | scale
+    found = {
+        "dual_rotor": thrust_joint_limited(
+            a.dual, robot.rotors.thrust_min, robot.rotors.thrust_max, a.hover_wrench,
+            loads.rotors, *shared, **more,
+        )
+    }  # fmt: skip
+    if robot.gimbal_names:
+        found["virtual_single_rotor"] = vectored_joint_limited(
+            a.thrust_points, robot.gimbals.limit, a.hover_wrench, loads.forces, *shared, **more
+        )
+    out = {}
+    for mode, m in found.items():
+        force, torque = (tuple(float(x) for x in b) for b in (m.force_bounds, m.torque_bounds))
+        at = tuple(loads.names[i] for i in m.force_joints)
+        out[mode] = JointLimited(link, (force[0], force[1]), (torque[0], torque[1]), at)
+    return out
+
+
+def _guaranteed(
+    robot: Robot, a: Allocation, mass: float, thrust: float, scale: dict[str, float]
+) -> dict[str, dict[str, float]]:
+    """Returns the margins that hold for mass and thrust limits this uncertain; none if exact."""
+    if mass == 0.0 and thrust == 0.0:
+        return {}
+    rotors, errors = robot.rotors, {"mass": mass, "thrust": thrust}
+    dual = guaranteed_thrust(
+        a.dual, rotors.thrust_min, rotors.thrust_max, a.hover_wrench, **scale, **errors
+    )
+    out = {"dual_rotor": _slices(dual) | {"attitude_altitude": float(dual.attitude_altitude)}}
+    if robot.gimbal_names:
+        free = guaranteed_vectored(
+            a.thrust_points, robot.gimbals.limit, a.hover_wrench, **scale, **errors
+        )
+        out["virtual_single_rotor"] = _slices(free) | {"wrench": float(free.wrench)}
+    return out
+
+
+def _slices(found: Any) -> dict[str, float]:
+    return {"force": float(found.force), "torque": float(found.torque)}
+
+
+def _failures(
+    robot: Robot,
+    a: Any,
+    names: list[str],
+    units: list[str],
+    tolerance: float,
+    scale: dict[str, float],
+) -> tuple[tuple[str, str, float, float, float], ...]:
+    """Returns (mode, what is lost, wrench, force, torque) for each rotor and apparatus lost."""
+    rotors = robot.rotors
+    dual = thrust_failures(
+        a.dual, rotors.thrust_min, rotors.thrust_max, a.hover_wrench, rotors.apparatus, **scale
+    )
+    out = []
+    for row in dual:
+        m = row.margins
+        label = names[row.index] if row.part == "rotor" else units[row.index]
+        out.append(("dual_rotor", label, float(m.wrench), float(m.force), float(m.torque)))
+    if robot.gimbal_names:
+        for row in vectored_failures(
+            a.thrust_points, robot.gimbals.limit, a.hover_wrench, tolerance=tolerance, **scale
+        ):
+            m = row.margins
+            out.append(
+                (
+                    "virtual_single_rotor",
+                    units[row.index],
+                    float(m.wrench),
+                    float(m.force),
+                    float(m.torque),
+                )
+            )
+    return tuple(out)

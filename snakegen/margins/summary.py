@@ -1,0 +1,132 @@
+"""What a person and a program read of a posture's margins: values, bounds, limits, words."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Weakest:
+    """Where a margin is reached: the direction, and what is at its limit there."""
+
+    value: float
+    bounds: tuple[float, float]  # certified lower and upper; equal where the value is exact
+    direction: tuple[float, ...]  # (6,) N and N m, root-link axes
+    full: tuple[str, ...]  # at their largest thrust
+    idle: tuple[str, ...]  # at their smallest
+
+
+@dataclass(frozen=True)
+class JointLimited:
+    """Margins with joint torques within their servos' limits, for a disturbance on one link."""
+
+    link: str
+    force: tuple[float, float]  # certified bounds, N; NaN where hover itself breaks a limit
+    torque: tuple[float, float]  # N m
+    joints: tuple[str, ...]  # at their limit where the force margin is reached
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins at a posture, by mode and name; `failures` by what is lost, if asked for."""
+
+    vectored: dict[str, Weakest]
+    vectored_closed: bool
+    dual: dict[str, Weakest]
+    controller: dict[str, dict[str, float]]
+    joint_limited: dict[str, "JointLimited"]
+    guaranteed: dict[str, dict[str, float]]
+    failures: tuple[tuple[str, str, float, float, float], ...]
+    tolerance: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data for a program; force in N, torque in N m, wrench scaled."""
+
+        def one(w: Weakest) -> dict[str, Any]:
+            return {
+                "value": w.value,
+                "bounds": list(w.bounds),
+                "worst_direction": list(w.direction),
+                "at_upper_limit": list(w.full),
+                "at_lower_limit": list(w.idle),
+            }
+
+        rows = [
+            {"mode": m, "lost": part, "wrench": w, "force_N": f, "torque_Nm": t}
+            for m, part, w, f, t in self.failures
+        ]
+        return {
+            "virtual_single_rotor": {k: one(v) for k, v in self.vectored.items()}
+            | {"closed": self.vectored_closed, "tolerance": self.tolerance},
+            "dual_rotor": {k: one(v) for k, v in self.dual.items()},
+            "controller": self.controller,
+            "joint_limited": {k: asdict(v) for k, v in self.joint_limited.items()},
+            "guaranteed": self.guaranteed,
+        } | ({"failures": rows} if rows else {})
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Returns (label, text) pairs for people."""
+        out = []
+        if self.vectored:
+            out.append(("virtual-single-rotor", self._summary(self.vectored, self.vectored_closed)))
+            out += [("", _why(n, self.vectored[n])) for n in ("force", "torque")]
+            out.append(("  paper's allocator", self._controller("virtual_single_rotor")))
+            out += self._joints("virtual_single_rotor")
+        out.append(("dual-rotor (exact)", self._summary(self.dual, True)))
+        out.append(("", _why("attitude_altitude", self.dual["attitude_altitude"])))
+        out.append(("  paper's allocator", self._controller("dual_rotor")))
+        out += self._joints("dual_rotor")
+        for mode, sure in self.guaranteed.items():
+            parts = ", ".join(f"{k} {v:.3g}" for k, v in sure.items())
+            out.append((f"guaranteed, {mode}", parts))
+        for mode, part, w, f, t in self.failures:
+            left = f"wrench {w:.3g}, force {f:.3g} N, torque {t:.3g} N m"
+            out.append((f"without {part}", f"{left} ({mode})" if w >= 0 else f"falls: {left}"))
+        return out
+
+    def _joints(self, mode: str) -> list[tuple[str, str]]:
+        j = self.joint_limited.get(mode)
+        if j is None:
+            return []
+        if not np.isfinite(j.force[1]):
+            return [("  within servo limits", "hover itself overloads a joint")]
+        at = f"; there {' '.join(j.joints)} at the limit" if j.joints else ""
+        text = f"force {j.force[0]:.4g} N, torque {j.torque[0]:.4g} N m on {j.link}{at}"
+        return [("  within servo limits", text)]
+
+    def _summary(self, found: dict[str, Weakest], closed: bool) -> str:
+        if found["wrench"].value < 0:
+            return f"hover is out of reach by {-found['wrench'].value:.3g} (scaled)"
+        parts = [
+            f"force {found['force'].value:.4g} N",
+            f"torque {found['torque'].value:.4g} N m",
+            f"wrench {found['wrench'].value:.3g}",
+        ]
+        if "attitude_altitude" in found:
+            parts.append(f"[f_z; τ] {found['attitude_altitude'].value:.3g}")
+        return ", ".join(parts) + ("" if closed else "   (bounds did not close)")
+
+    def _controller(self, mode: str) -> str:
+        c = self.controller.get(mode)
+        if c is None:
+            return "not defined"
+        return f"force {c['force']:.4g} N, torque {c['torque']:.4g} N m before it saturates"
+
+
+def _why(name: str, weakest: Weakest) -> str:
+    """Returns in words where a margin is weakest and what stops it there."""
+    if not np.isfinite(weakest.direction).all():
+        return f"{name}: not defined"
+    f, t = weakest.direction[:3], weakest.direction[3:]
+    parts = []
+    if name in ("force", "wrench", "attitude_altitude") and np.any(f):
+        parts.append("force {:+.2f} {:+.2f} {:+.2f}".format(*f))
+    if name != "force" and np.any(t):
+        parts.append("torque {:+.2f} {:+.2f} {:+.2f}".format(*t))
+    where = f"{name} weakest along {', '.join(parts)}"
+    if not weakest.full and not weakest.idle:
+        return f"{where}: no thrust acts that way"
+    full = f"at full thrust: {' '.join(weakest.full)}" if weakest.full else ""
+    idle = f"at least thrust: {' '.join(weakest.idle)}" if weakest.idle else ""
+    return f"{where}; " + "; ".join(p for p in (full, idle) if p)
