@@ -1,12 +1,13 @@
 """The flat arrays of a robot, taken from its Pinocchio model and modules (see kernels/tree.py)."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
-from snakegen.errors import DescriptionError
-from snakegen.geometry import Floats
+from snakegen.errors import DescriptionError, PostureError, near
+from snakegen.geometry import Floats, quaternion_xyzw, rotation_from_rpy
 from snakegen.kernels.tree import Gimbals, Rotors, Tree
 
 if TYPE_CHECKING:
@@ -119,3 +120,68 @@ def gimbals_of(robot: "Robot") -> Gimbals:
             if body == base:
                 frames[j] = turned
     return Gimbals(link_body, frames, roll_body, pitch_body, thrust_body, points, axes, limit)
+
+
+def spinners_of(robot: "Robot") -> frozenset[int]:
+    """Returns the bodies that turn on a rotor's own shaft.
+
+    Such a joint is continuous, carries a rotor and no further joint, and is driven neither as a
+    gimbal nor by a servo.
+    """
+    rotors = [n for a in robot.modules.apparatuses for n in a.rotor_links]
+    held = {robot.body_of_link(n)[0] for n in rotors} - {0}
+    driven = robot.gimbal_names | {s.joint for s in robot.modules.servos}
+    parents = set(robot.tree.parent.tolist())
+    names = robot.joint_names
+    free = {b for b in held - parents if names[b - 1] not in driven}
+    model = robot.model
+    return frozenset(b for b in free if model.joints[model.getJointId(names[b - 1])].nq == 2)
+
+
+def configuration_of(
+    robot: "Robot", posture: Mapping[str, Any], base_rpy: Any, base_position: Any
+) -> Floats:
+    """Returns q of a posture by joint names; see `Robot.configuration`."""
+    given = dict(posture)
+    rpy = given.pop("base_rpy", base_rpy)
+    position = given.pop("base_position", base_position)
+    q = pin.neutral(robot.model)
+    if robot.floating:
+        q[:3] = _vector(position, "base_position")
+        q[3:7] = quaternion_xyzw(rotation_from_rpy(_vector(rpy, "base_rpy")))
+    elif np.any(_vector(rpy, "base_rpy")) or np.any(_vector(position, "base_position")):
+        raise PostureError(f"{robot.name} has a fixed base; it takes no base pose.")
+    for name, value in given.items():
+        if name not in robot.joint_names:
+            known = (*robot.joint_names, "base_rpy", "base_position")
+            raise PostureError(f"{robot.name} has no joint '{name}'.{near(name, known)}")
+        angle = _finite(value, name)
+        joint = robot.model.joints[robot.model.getJointId(name)]
+        low = float(robot.model.lowerPositionLimit[joint.idx_q])
+        high = float(robot.model.upperPositionLimit[joint.idx_q])
+        if joint.nq == 2:
+            q[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
+            continue
+        if not low - 1e-9 <= angle <= high + 1e-9:
+            raise PostureError(
+                f"{robot.name}: {name} = {angle:g} is outside its limits {low:g} … {high:g}."
+            )
+        q[joint.idx_q] = angle
+    return q
+
+
+def _vector(value: Any, name: str) -> Floats:
+    out = np.asarray(value, dtype=object)
+    if out.shape != (3,):
+        raise PostureError(f"{name}: three numbers are needed, not {value!r}.")
+    return np.array([_finite(v, name) for v in out])
+
+
+def _finite(value: Any, name: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise PostureError(f"{name}: {value!r} is not a number.") from None
+    if isinstance(value, bool) or not np.isfinite(number):
+        raise PostureError(f"{name}: {value!r} is not a finite number.")
+    return number
