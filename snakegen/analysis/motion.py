@@ -1,0 +1,268 @@
+"""Motion: joint torques along a motion, their peaks, RMS and power, and which servo is too weak.
+
+ZS24 section 4: Table 3's sines give Table 5's peaks; waypoints and other sines come from files.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from snakegen.errors import AnalysisError
+from snakegen.files import write_atomically
+from snakegen.geometry import Floats
+from snakegen.kernels.dynamics import DEPTHS, TERMS
+from snakegen.kinetostatics.along import Along, torques_along
+from snakegen.kinetostatics.friction import Friction, friction_of
+from snakegen.kinetostatics.law import DOWN, Depth, Wrenches
+from snakegen.kinetostatics.motion import Motion
+from snakegen.kinetostatics.motion_files import motion_of
+from snakegen.robot import Robot
+
+COMMAND = "motion"
+ORDER = 65
+OPTIONS = {
+    "motion": ["table3", "table3, a CSV (time,joint1_pitch,… in s and rad) or a YAML file"],
+    "duration": [None, "s, instead of the motion's own; sines alone"],
+    "rate": [1000.0, "instants a second"],
+    "terms": ["full", "depth: static, quasi_static (the paper's eq 24) or full"],
+    "gravity": [None, "m/s², world; none for table3 (the paper's is weightless), else 0,0,-9.81"],
+    "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
+    "friction": [None, "static,sliding of every joint in N m, as in 0.1,0.06"],
+    "ends": ["rest", "of a table: rest, or free for one that is cut out of a motion"],
+    "table": [None, "CSV to write: time, angles, torques, power"],
+}
+
+
+@dataclass(frozen=True, eq=False)
+class MotionResult:
+    """Joint torques along a motion.
+
+    Attributes:
+        name: of the motion.
+        along: the instants, and every term of the law at each.
+        terms: depth that `torque` has.
+        gravity: (3,) m/s².
+        friction: of every joint; part of `torque`.
+        torque: (m, k) N m that the servos give.
+        limit: (k,) N m, servo limits.
+        speed_limit: (k,) rad/s.
+        depth_peaks: (k,) N m by depth, without friction.
+        share: by term, its part of the sum over joints, instants and terms of |torque|.
+        table: the CSV written, "" if none.
+    """
+
+    name: str
+    along: Along
+    terms: Depth
+    gravity: Floats
+    friction: Friction
+    torque: Floats
+    limit: Floats
+    speed_limit: Floats
+    depth_peaks: dict[str, Floats]
+    share: dict[str, float]
+    table: str
+
+    @property
+    def peak(self) -> Floats:
+        """Largest |torque| of each joint (k,) N m."""
+        return np.asarray(np.abs(self.torque).max(axis=0))
+
+    @property
+    def peak_time(self) -> Floats:
+        """When each joint's largest |torque| comes first (k,) s."""
+        return np.asarray(self.along.time[np.abs(self.torque).argmax(axis=0)])
+
+    @property
+    def rms(self) -> Floats:
+        """Root mean square torque (k,) N m, over time."""
+        return np.sqrt(_mean(self.along.time, self.torque**2))
+
+    @property
+    def power(self) -> Floats:
+        """Mechanical power τ q̇ (m, k) W."""
+        return self.torque * self.along.rates
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Returns (label, text) pairs for people: joint by joint, then the whole."""
+        g = float(np.linalg.norm(self.gravity))
+        what = "weightless" if g == 0 else f"gravity {g:.4g} m/s²"
+        if self.friction.present:
+            what += f", friction {self.friction.static:g} N·m static, {self.friction.sliding:g}"
+        span = self.along.time[-1]
+        out = [("motion", f"{self.name}, {span:.4g} s, {what}; torques {self.terms}")]
+        power = np.abs(self.power).max(axis=0)
+        for i in _hardest(self.peak / self.limit):
+            out.append(
+                (
+                    self.along.joints[i],
+                    f"{self.peak[i]:.4g} N·m at most ({100 * self.peak[i] / self.limit[i]:.3g} % of"
+                    f" its servo, at {self.peak_time[i]:.3g} s), {self.rms[i]:.4g} RMS, "
+                    f"{power[i]:.3g} W",
+                )
+            )
+        hidden = len(self.limit) - len(out) + 1
+        if hidden > 0:
+            out.append(("", f"and {hidden} joints with less"))
+        shares = [f"{k} {100 * x:.3g} %" for k, x in self.share.items() if x > 0.0005]
+        out.append(("consists of", ", ".join(shares) or "nothing: no load"))
+        part = self.depth_peaks["quasi_static"].max() / max(self.depth_peaks["full"].max(), 1e-300)
+        if self.terms == "full" and np.any(self.depth_peaks["full"]):
+            out.append(("the paper's eq 24", f"gives {100 * part:.3g} % of the highest peak"))
+        total = self.power.sum(axis=1)
+        out.append(("power", f"{np.abs(total).max():.3g} W at most, all joints together"))
+        weak = [
+            n for n, p, m in zip(self.along.joints, self.peak, self.limit, strict=True) if p > m
+        ]
+        if weak:
+            out.append(("overloaded", ", ".join(weak)))
+        if self.table:
+            out.append(("table", self.table))
+        return out
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data; keys carry units; the series are in the table."""
+        joints = self.along.joints
+        total = self.power.sum(axis=1)
+        fastest = np.abs(self.along.rates).max(axis=0)
+
+        def by_joint(values: Floats) -> dict[str, float]:
+            return dict(zip(joints, values.tolist(), strict=True))
+
+        return {
+            "motion": self.name,
+            "duration_s": float(self.along.time[-1]),
+            "samples": len(self.along.time),
+            "terms": self.terms,
+            "gravity_m_s2": self.gravity.tolist(),
+            "friction_Nm": {"static": self.friction.static, "sliding": self.friction.sliding},
+            "peak_Nm": by_joint(self.peak),
+            "peak_time_s": by_joint(self.peak_time),
+            "rms_Nm": by_joint(self.rms),
+            "limit_Nm": by_joint(self.limit),
+            "use": by_joint(self.peak / self.limit),
+            "peak_power_W": by_joint(np.abs(self.power).max(axis=0)),
+            "peak_rate_rad_s": by_joint(fastest),
+            "rate_use": by_joint(fastest / self.speed_limit),
+            "power_max_W": float(np.abs(total).max()),
+            "work_absolute_J": float(np.trapezoid(np.abs(self.power).sum(axis=1), self.along.time)),
+            "depth_peaks_Nm": {k: by_joint(v) for k, v in self.depth_peaks.items()},
+            "share": self.share,
+            "table": self.table or None,
+        }
+
+
+def applies(robot: Robot) -> bool:
+    """An arm: a chain on a fixed base."""
+    return not robot.floating and len(robot.chain_joints) > 0
+
+
+def analyze(
+    robot: Robot,
+    q: ArrayLike,
+    *,
+    motion: Motion | str | Path = "table3",
+    duration: float | str | None = None,
+    rate: float = 1000.0,
+    terms: Depth = "full",
+    gravity: ArrayLike | None = None,
+    wrenches: Wrenches = None,
+    friction: Friction | ArrayLike | None = None,
+    ends: str = "rest",
+    table: str | Path | None = None,
+) -> MotionResult:
+    """Returns the joint torques along a motion.
+
+    Args:
+        robot: an arm.
+        q: (nq,) posture, where joints that the motion does not name stay.
+        motion: as in `motion_of`.
+        duration: s, instead of the motion's own; sines alone.
+        rate: instants a second.
+        terms: depth of the torques: ``static``, ``quasi_static``, ``full``.
+        gravity: (3,) m/s²; none for ``table3``, which the paper runs weightless.
+        wrenches: as in `joint_torques`.
+        friction: static and sliding friction of every joint, N m.
+        ends: as in `waypoints`.
+        table: a CSV to write.
+
+    Raises:
+        SnakegenError: not an arm, a motion outside the limits, NaN, more than fits into memory.
+    """
+    if not applies(robot):
+        raise AnalysisError(f"{robot.name} is no arm on a fixed base: its motions are flights.")
+    if terms not in DEPTHS:
+        raise AnalysisError(f"terms: '{terms}' is none of {', '.join(DEPTHS)}.")
+    q = robot.check_q(q)
+    names = robot.chain_joints
+    start = robot.angles(q)[[robot.joint_names.index(n) for n in names]]
+    lasts = _seconds(duration)
+    moved = motion_of(robot, motion, duration=lasts, start=start, ends=ends)
+    if gravity is None:
+        gravity = np.zeros(3) if moved.name == "table3" else DOWN
+    rub = friction_of(friction)
+    along = torques_along(
+        robot, q, moved, moved.times(rate), wrenches=wrenches, gravity=_vector(gravity)
+    )
+    summed = {TERMS[k]: float(np.abs(along.terms[k]).sum()) for k in DEPTHS[terms]}
+    whole = sum(summed.values())
+    model = robot.model
+    joints = [model.joints[model.getJointId(n)] for n in names]
+    result = MotionResult(
+        moved.name,
+        along,
+        terms,
+        _vector(gravity),
+        rub,
+        along.torque(terms) + rub.torque(along.rates),
+        robot.limits(names)[2],
+        np.array([float(model.upperVelocityLimit[j.idx_v]) for j in joints]),
+        {depth: np.abs(along.torque(depth)).max(axis=0) for depth in DEPTHS},
+        {k: x / whole if whole > 0 else 0.0 for k, x in summed.items()},
+        "" if table is None else str(table),
+    )
+    if table is not None:
+        write_table(result, Path(table))
+    return result
+
+
+def write_table(result: MotionResult, path: Path) -> None:
+    """Writes time, angle, torque and power of each joint as CSV: s, rad, N m, W."""
+    joints = result.along.joints
+    head = ["time_s", *(f"{n}_{unit}" for unit in ("rad", "Nm", "W") for n in joints)]
+    columns = [result.along.time[:, None], result.along.angles, result.torque, result.power]
+    lines = [",".join(f"{x:.9g}" for x in row) for row in np.hstack(columns)]
+    write_atomically(path, "\n".join([",".join(head), *lines]) + "\n")
+
+
+_SHOWN = 12  # joints in a table; a longer robot shows its hardest
+
+
+def _hardest(use: Floats) -> list[int]:
+    """Returns all joints in chain order, or the hardest of many, hardest first."""
+    if len(use) <= _SHOWN:
+        return list(range(len(use)))
+    return [int(i) for i in np.argsort(-use, kind="stable")[:_SHOWN]]
+
+
+def _mean(time: Floats, values: Floats) -> Floats:
+    return np.asarray(np.trapezoid(values, time, axis=0) / (time[-1] - time[0]))
+
+
+def _vector(value: ArrayLike) -> Floats:
+    from snakegen.kinetostatics.law import finite
+
+    return finite(value, (3,), "gravity")
+
+
+def _seconds(value: float | str | None) -> float | None:
+    """Returns a duration that may come as text from the command line."""
+    if value is None:
+        return None
+    try:
+        return float(value)
+    except ValueError:
+        raise AnalysisError(f"duration: '{value}' is no number of seconds.") from None

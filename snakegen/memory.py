@@ -1,0 +1,37 @@
+"""What does not fit into memory is refused before it is begun, with what would fit."""
+
+import os
+
+from snakegen.errors import AnalysisError
+
+_SHARE = 0.5  # of what is free: the caller holds copies
+
+
+def available() -> int:
+    """Returns the bytes of memory that are free now; a great many where that cannot be known."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as file:
+            for line in file:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 1024
+        return int(os.sysconf("SC_PAGE_SIZE")) * int(os.sysconf("SC_PHYS_PAGES"))
+    except (OSError, ValueError, AttributeError):
+        return 1 << 62
+
+
+def refuse_beyond(size: float, what: str, remedy: str) -> None:
+    """Refuses what would take more than half of the memory that is free.
+
+    Args:
+        size: bytes needed.
+        what: that needs them, as in "torques of 480 joints at 100001 instants".
+        remedy: what would work.
+
+    Raises:
+        AnalysisError: too much, with both sizes and the remedy.
+    """
+    free = available()
+    if size > _SHARE * free:
+        raise AnalysisError(
+            f"{what} would take {size / 1e9:.3g} GB; {free / 1e9:.3g} GB are free: {remedy}."
+        )
