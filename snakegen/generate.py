@@ -17,6 +17,8 @@ from snakegen.spec_file import load_spec
 class GateError(SnakegenError):
     """URDF and MJCF disagree: the build's proof failed."""
 
+    exit_code = 3
+
 
 @dataclass(frozen=True)
 class Build:
