@@ -1,6 +1,7 @@
 """The picture of a robot: rendered by MuJoCo, or drawn by matplotlib where no GL is to be had."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ def robot_picture(robot: Robot, scene: Path, png: Path) -> str:
     from snakegen.plot_robot import draw_robot
 
     q = _shown(robot)
-    done = render(scene, png, width=1280, height=800, qpos=_qpos(robot, q, scene))
+    done = render(scene, png, width=1280, height=800, qpos=_qpos(robot, q, scene).tolist())
     if done:
         return ""
     draw_robot(png, **figure(robot, q))
@@ -29,19 +30,22 @@ def robot_picture(robot: Robot, scene: Path, png: Path) -> str:
 
 
 def _shown(robot: Robot) -> Floats:
-    """Returns the posture of the picture: bent a little, 0.6 m up; straight ones tell less."""
+    """Returns the posture of the picture: bent a little; drives on the ground, others 0.6 m up."""
     from snakegen.posture import set_angle
 
     q = np.array(robot.configuration())
     names = list(robot.chain_joints)
     low, high, _ = robot.limits(names)
+    stands = bool(robot.modules.screws) and not robot.modules.apparatuses
     for k, name in enumerate(names):
         bend = 0.9 if name.endswith("_yaw") else (-0.3, 0.3)[(k // 2) % 2]
+        if stands:
+            bend = (0.6, 0.3, -0.5)[(k // 2) % 3] if name.endswith("_yaw") else 0.0
         if len(robot.modules.lengths) > 5:
             bend *= 5.0 / len(robot.modules.lengths) * (1.0, -1.0)[(k // 6) % 2]
         set_angle(robot, q, name, float(np.clip(bend, low[k], high[k])))
     if robot.floating:
-        q[2] = 0.6
+        q[2] = robot.modules.screws[0].radius if stands else 0.6
     return q
 
 
@@ -58,7 +62,7 @@ def _qpos(robot: Robot, q: Floats, scene: Path) -> Floats:
     return out
 
 
-def figure(robot: Robot, q: Floats) -> dict[str, Floats]:
+def figure(robot: Robot, q: Floats) -> dict[str, Any]:
     """Returns the arrays of `plot_robot.draw_robot` for a posture: segments, rotors, CoG; world."""
     base, origin = robot.base_pose(q)
     rotation, position = forward(robot.tree, base, origin, robot.angles(q))
@@ -73,8 +77,10 @@ def figure(robot: Robot, q: Floats) -> dict[str, Floats]:
         parents = robot.tree.parent
         segments = [(position[parents[i]], position[i]) for i in range(1, len(parents))]
     rotors = robot.rotors
-    places = [position[b] + rotation[b] @ p for b, p in zip(rotors.body, rotors.position)]
-    axes = [rotation[b] @ a for b, a in zip(rotors.body, rotors.axis)]
+    places = [
+        position[b] + rotation[b] @ p for b, p in zip(rotors.body, rotors.position, strict=True)
+    ]
+    axes = [rotation[b] @ a for b, a in zip(rotors.body, rotors.axis, strict=True)]
     sizes = [0.5 * r.diameter for m in robot.modules.apparatuses for r in m.rotors]
     return {
         "link_segments": np.array(segments, float).reshape(-1, 2, 3),

@@ -95,7 +95,7 @@ def _camera_and_light(root: Any, centre: Floats, radius: float) -> None:
 def _keyframes(
     spec: mujoco.MjSpec, model: mujoco.MjModel, data: mujoco.MjData, modules: Modules
 ) -> None:
-    """Adds `home` (1 m up, hover thrust) and `floor` (at rest on the ground, rotors off)."""
+    """Adds `home` (1 m up, hover thrust; a drive without rotors stands) and `floor` (at rest)."""
     thrust = np.zeros(model.nu)
     rotors = [r for a in modules.apparatuses for r in a.rotors]
     if rotors and modules.floating:
@@ -104,7 +104,8 @@ def _keyframes(
             thrust[model.actuator(rotor.link).id] = min(share, rotor.thrust_max)
     home, floor = np.array(model.qpos0), np.array(model.qpos0)
     if modules.floating:
-        home[2], floor[2] = 1.0, -lowest_point(model, data)
+        floor[2] = model.qpos0[2] - lowest_point(model, data)
+        home[2] = floor[2] if modules.screws and not rotors else 1.0
     act = thrust[[i for i in range(model.nu) if model.actuator_dyntype[i]]]
     spec.add_key(name="home", qpos=home, ctrl=thrust, act=act)
     spec.add_key(name="floor", qpos=floor)
@@ -114,7 +115,8 @@ def lowest_point(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     """Returns the least height [m] of any moving collision geom; meshes by their bounding ball."""
     heights = [float("inf")]
     kind = mujoco.mjtGeom
-    for g in np.flatnonzero((model.geom_contype != 0) & (model.geom_bodyid != 0)):
+    solid = (model.geom_contype | model.geom_conaffinity) != 0
+    for g in np.flatnonzero(solid & (model.geom_bodyid != 0)):
         axes = data.geom_xmat[g].reshape(3, 3)
         size, z = model.geom_size[g], data.geom_xpos[g][2]
         along = abs(axes[2, 2])

@@ -161,6 +161,11 @@ def decorate_screws(spec: mujoco.MjSpec, contact: ScrewContact) -> None:
             _wheels(spec, unit, contact)
             _hinge(spec, unit).armature = contact.screw_armature
         _screw_servo(spec, unit, contact)
+    meet_rollers(spec)
+
+
+def meet_rollers(spec: mujoco.MjSpec) -> None:
+    """Lets rollers touch every geom of the world: floors, ceilings, steps."""
     for geom in spec.worldbody.geoms:
         geom.contype = geom.contype | GROUND_BIT
 

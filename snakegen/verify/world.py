@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from snakegen.description.mjcf import decorate
+from snakegen.description.screw_contact import meet_rollers
 from snakegen.geometry import Floats, wxyz_from_xyzw, xyzw_from_wxyz
 from snakegen.robot import Robot
 from snakegen.verify.plan import Box
@@ -102,6 +103,8 @@ def make_world(
         spec.worldbody.add_geom(
             name=box.name, type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre, size=box.half
         )
+    if robot.modules.screws:
+        meet_rollers(spec)
     model = spec.compile()
     names = list(robot.joint_names)
     joints = [model.joint(n).id for n in names]
