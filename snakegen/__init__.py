@@ -9,8 +9,8 @@ __version__ = "0.1.0"
 __all__ = ["Robot", "RobotSpec", "SnakegenError", "build", "load"]
 
 if TYPE_CHECKING:
-    from snakegen.generate import build
     from snakegen.errors import SnakegenError
+    from snakegen.generate import build
     from snakegen.robot import Robot, load
     from snakegen.spec import RobotSpec
 

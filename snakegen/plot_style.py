@@ -51,7 +51,8 @@ def save(path: str | Path, size: tuple[float, float], draw: Callable[["Figure"],
     from matplotlib.figure import Figure
 
     path = Path(path)
-    with rc_context({**STYLE, "axes.prop_cycle": _cycler()}):
+    style: Any = {**STYLE, "axes.prop_cycle": _cycler()}
+    with rc_context(style):
         figure = Figure(figsize=size, dpi=130, layout="constrained", facecolor="white")
         FigureCanvasAgg(figure)
         draw(figure)

@@ -47,7 +47,7 @@ class Joint(Part):
     """What joins two links: one or two axes, with `gap` between the two."""
 
     axes: list[Axis] | list[list[Axis]] = Field(
-        ["pitch", "yaw"], description="axes from root to tip; or a list of them per joint"
+        default_factory=lambda: ["pitch", "yaw"], description="axes from root to tip; or a list of them per joint"
     )
     gap: NonNegative | list[NonNegative] = Field(0.0, description="m, first to second axis")
     mass: Positive | list[Positive] = Field(0.1, description="kg, the cross of a two-axis joint")
@@ -110,16 +110,52 @@ class Control(Part):
 
 
 class Plant(Part):
-    """Imperfections of the simulated robot and its sensors; standard deviations."""
+    """Imperfections of the simulated robot, its sensors and its surroundings.
 
-    thrust_mismatch: NonNegative = Field(0.03, description="relative, per rotor, constant a run")
-    position_noise: NonNegative = Field(0.001, description="m, motion capture (ZN23: < 1 mm)")
-    attitude_bias: NonNegative = Field(0.00698, description="rad (0.4°; ZN23: IMU < 1°)")
-    attitude_noise: NonNegative = Field(0.00175, description="rad (0.1°, assumed)")
-    gyro_noise: NonNegative = Field(0.01, description="rad/s (assumed)")
-    velocity_noise: NonNegative = Field(0.01, description="m/s (assumed)")
-    joint_noise: NonNegative = Field(0.00175, description="rad (0.1°, assumed)")
-    delay: NonNegative = Field(0.0, description="s, from sensing to command")
+    Each has a default with its source; 0 switches it off. Motor lag, servo stiffness, friction and
+    torque limits, drag torque, rotor inertia and payload stand with the parts that have them.
+    """
+
+    thrust_mismatch: NonNegative = Field(
+        0.03, description="standard deviation, relative, per rotor, constant a run (assumed)"
+    )
+    position_noise: NonNegative = Field(
+        0.001, description="m, standard deviation of motion capture (ZN23: < 1 mm)"
+    )
+    attitude_bias: NonNegative = Field(
+        0.00698, description="rad, standard deviation between runs (0.4°; ZN23: IMU < 1°)"
+    )
+    attitude_noise: NonNegative = Field(0.00175, description="rad, white (0.1°, assumed)")
+    gyro_noise: NonNegative = Field(0.01, description="rad/s, white (assumed)")
+    velocity_noise: NonNegative = Field(0.01, description="m/s, white (assumed)")
+    joint_noise: NonNegative = Field(
+        0.00175, description="rad, standard deviation of a joint's offset (0.1°, assumed)"
+    )
+    imu_rate: NonNegative = Field(
+        500.0, description="Hz, of attitude and angular rate (assumed); 0: at every physics step"
+    )
+    delay: NonNegative = Field(
+        0.005, description="s, from sensing to command: one tick at 200 Hz (assumed)"
+    )
+    servo_speed: bool = Field(True, description="commands keep to the servos' speed limits")
+    gyroscopic: bool = Field(True, description="moments of the spinning rotors, -d(HΩ)/dt")
+    air_density: NonNegative = Field(
+        1.2, description="kg/m³ (20 °C, sea level); 0: no drag, wind, streams, ground effect"
+    )
+    drag_coefficient: NonNegative = Field(
+        1.1, description="of links across the flow (Hoerner: a cylinder, subcritical)"
+    )
+    ground_effect: bool = Field(True, description="Cheeseman and Bennett (1955)")
+    downwash: bool = Field(True, description="rotors' streams act on rotors and links (assumed)")
+    wind_speed: NonNegative = Field(0.0, description="m/s, steady")
+    wind_direction: Real = Field(0.0, description="rad, where the wind blows to, from +x")
+    turbulence: NonNegative = Field(0.0, description="m/s, standard deviation (Dryden)")
+    endurance: NonNegative = Field(
+        180.0, description="s of hover in a full battery (ZN23: 3 minutes); 0: endless"
+    )
+    voltage_sag: Annotated[NonNegative, Field(lt=1.0)] = Field(
+        0.1, description="share of voltage lost from full to empty (assumed); thrust goes as V²"
+    )
 
 
 class RobotSpec(Part):

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from benchmarks.rank_table import plain_robot, posture
 
+from benchmarks.rank_table import plain_robot, posture
 from snakegen.analysis import wrench_margin
 from snakegen.analysis.allocation import allocation
 from snakegen.geometry import move_wrench

@@ -1,6 +1,7 @@
 """THEORY A3's table, all rows, from the package's own analyses: ranks exact, margins as printed."""
 
 import pytest
+
 from benchmarks.rank_table import Row, row
 
 TABLE = [

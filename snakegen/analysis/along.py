@@ -55,7 +55,9 @@ class Along:
         """Returns (label, text) pairs for people."""
         i, v = self.weakest, self.values[self.margin]
         where = f"{self.time[i]:.3f} s" if self.timed else f"waypoint {self.time[i] + 1:.2f}"
-        posture = ", ".join(f"{n} {a:+.3f}" for n, a in zip(self.joints, self.angles[i]))
+        posture = ", ".join(
+            f"{n} {a:+.3f}" for n, a in zip(self.joints, self.angles[i], strict=True)
+        )
         lost = int(np.sum(~np.isfinite(v)))
         rows = [
             (f"weakest {self.margin}", f"{v[i]:.4g} at {where}"),
@@ -102,9 +104,7 @@ def analyze(
     whole[:, [joints.index(n) for n in names]] = rows
     base, _ = robot.base_pose(q)
     found = evaluate(Body.of(robot, joints, base, 1e-3), whole)
-    values = {
-        n: np.asarray(found[n], float) for n in found.column_names if n not in joints
-    }
+    values = {n: np.asarray(found[n], float) for n in found.column_names if n not in joints}
     if margin not in values:
         raise AnalysisError(f"no margin '{margin}'; there are {', '.join(values)}.")
     return Along(margin, at, whole, joints, values, timed)

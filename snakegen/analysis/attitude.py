@@ -81,9 +81,7 @@ def analyze(
         count += 1
         table = evaluate(Body.of(robot, joints, _attitude(up), 1e-3), row)
         if margin not in table.column_names or margin in joints:
-            raise AnalysisError(
-                f"no margin '{margin}'.{near(margin, [c for c in table.column_names])}"
-            )
+            raise AnalysisError(f"no margin '{margin}'.{near(margin, table.column_names)}")
         found = float(table[margin][0].as_py())
         return found if np.isfinite(found) else -np.inf
 

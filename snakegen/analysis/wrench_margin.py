@@ -61,7 +61,7 @@ def analyze(
     """
     a = allocation(robot, q)
     rotors, limit = robot.rotors, robot.gimbals.limit
-    scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    scale: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
     low, high = rotors.thrust_min, rotors.thrust_max
     dual = thrust_margins(a.dual, low, high, a.hover_wrench, **scale)
     names = [r.link for m in robot.modules.apparatuses for r in m.rotors]
@@ -111,14 +111,14 @@ def _weakest(found: ThrustMargins | VectoredMargins, name: str, labels: list[str
 
 
 def _joint_limited(
-    robot: Robot, q: Floats, a: Allocation, link: str, tolerance: float, scale: dict[str, float]
+    robot: Robot, q: Floats, a: Allocation, link: str, tolerance: float, scale: dict[str, Any]
 ) -> dict[str, JointLimited]:
     """Returns the joint-limited margins by mode; none where the body has no joints."""
     loads = joint_loads(robot, q, link)
     if not loads.names or not np.all(np.isfinite(loads.limit) & (loads.limit > 0)):
         return {}
     shared = (loads.bias, loads.limit)
-    more = {"disturbance": loads.disturbance, "tolerance": tolerance} | scale
+    more: dict[str, Any] = {"disturbance": loads.disturbance, "tolerance": tolerance} | scale
     found = {
         "dual_rotor": thrust_joint_limited(
             a.dual, robot.rotors.thrust_min, robot.rotors.thrust_max, a.hover_wrench,
@@ -138,12 +138,13 @@ def _joint_limited(
 
 
 def _guaranteed(
-    robot: Robot, a: Allocation, mass: float, thrust: float, scale: dict[str, float]
+    robot: Robot, a: Allocation, mass: float, thrust: float, scale: dict[str, Any]
 ) -> dict[str, dict[str, float]]:
     """Returns the margins that hold for mass and thrust limits this uncertain; none if exact."""
     if mass == 0.0 and thrust == 0.0:
         return {}
-    rotors, errors = robot.rotors, {"mass": mass, "thrust": thrust}
+    rotors = robot.rotors
+    errors: dict[str, Any] = {"mass": mass, "thrust": thrust}
     dual = guaranteed_thrust(
         a.dual, rotors.thrust_min, rotors.thrust_max, a.hover_wrench, **scale, **errors
     )
@@ -166,7 +167,7 @@ def _failures(
     names: list[str],
     units: list[str],
     tolerance: float,
-    scale: dict[str, float],
+    scale: dict[str, Any],
 ) -> tuple[tuple[str, str, float, float, float], ...]:
     """Returns (mode, what is lost, wrench, force, torque) for each rotor and apparatus lost."""
     rotors = robot.rotors

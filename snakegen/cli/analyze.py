@@ -93,7 +93,7 @@ def _command(entry: Entry) -> click.Command:
 
     decorated: Any = run
     for name, (default, text) in reversed(entry.options.items()):
-        kind = {"type": type(default)} if default is not None else {}
+        kind: dict[str, Any] = {"type": type(default)} if default is not None else {}
         if isinstance(default, bool):
             kind = {"is_flag": True}
         decorated = click.option(

@@ -15,16 +15,17 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-from numba.core import config as numba_config
+from numba.core import config
 
 F = TypeVar("F", bound=Callable[..., Any])
+numba_config: Any = config
 _HERE = Path(__file__).parent
 
 
 @cache
 def _imports(name: str) -> frozenset[str]:
     """Returns the kernel modules that kernel module `name` imports."""
-    found = set()
+    found: set[str] = set()
     for node in ast.walk(ast.parse((_HERE / f"{name}.py").read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module:
             if node.module == "snakegen.kernels":

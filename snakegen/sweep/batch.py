@@ -1,6 +1,7 @@
 """Margins of a batch of postures of one robot: hover gimbals, both modes, self-collision."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -88,7 +89,7 @@ def _chunk(body: Body, samples: Floats) -> pa.Table:
     distance = np.empty(m)
     radii = np.array([0.5 * r.diameter for a in robot.modules.apparatuses for r in a.rotors])
     self_distances(spine, discs, rods, radii, _owners(robot), distance)
-    scales = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    scales: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
     exact = thrust_margins(dual, rotors.thrust_min, rotors.thrust_max, hover, **scales)
     free = vectored_margins(points, limit, hover, tolerance=body.tolerance, **scales)
     data: dict[str, np.ndarray] = {n: samples[:, i] for i, n in enumerate(body.joints)}
@@ -116,7 +117,9 @@ def _segments(robot: Robot) -> tuple[np.ndarray, Floats, Floats]:
     names = list(robot.modules.lengths)
     placed = [robot.body_of_link(n) for n in names]
     lengths = [robot.modules.lengths[n] for n in names]
-    ends = [[p, p + r @ np.array([s, 0.0, 0.0])] for (_, r, p), s in zip(placed, lengths)]
+    ends = [
+        [p, p + r @ np.array([s, 0.0, 0.0])] for (_, r, p), s in zip(placed, lengths, strict=True)
+    ]
     return (
         np.array([b for b, _, _ in placed], np.int64),
         np.array(ends, float).reshape(-1, 2, 3),
