@@ -13,6 +13,7 @@ import numpy as np
 from snakegen.control.gains import Floats
 from snakegen.errors import AnalysisError
 from snakegen.kernels.bounded import ball_allocation, box_allocation
+from snakegen.kernels.joint_loads import no_loads
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +84,7 @@ def bounded_forces(points: Any, limits: Any, wrench: Any, scale: Any = None) -> 
     for j, point in enumerate(p):
         q[:3, 3 * j : 3 * j + 3] = np.eye(3)
         q[3:, 3 * j : 3 * j + 3] = np.cross(point, np.eye(3)).T
-    flat = ball_allocation(q, w, rows, limit)
+    flat = ball_allocation(q, w, rows, limit, no_loads(q.shape[1]))
     given, forces = q @ flat, flat.reshape(-1, 3)
     edge = np.linalg.norm(forces, axis=1) >= limit * (1 - 1e-9)
     return Bounded(forces, given, float(np.linalg.norm(rows * (w - given))), edge)

@@ -17,6 +17,7 @@ from snakegen.kernels.tree import Gimbals, Rotors, Tree
 from snakegen.robot import GRAVITY, Robot
 
 MODES = {"virtual_single_rotor": VIRTUAL, "dual_rotor": DUAL}
+SERVO_SHARE = 0.98  # of a joint servo's torque that the constrained allocator may plan with
 ROOT_AXES_UP_TO = 8  # links; longer bodies fly by the middle link's axes (THEORY A6)
 
 
@@ -130,6 +131,8 @@ def law_of(
     residual: float = 1e-6,
     blend_time: float = 1.0,
     gravity: float = GRAVITY,
+    joints: Any = (),
+    joint_limit: Any = (),
 ) -> Law:
     """Returns the kernels' form of gains and options; names as in `kernels.control_types.Law`."""
     n = int(gimbals.limit.size)
@@ -153,6 +156,8 @@ def law_of(
         float(residual),
         float(blend_time),
         float(gravity),
+        np.array(joints, np.int64),
+        np.array(joint_limit, float),
     )
 
 
@@ -216,6 +221,7 @@ def flight_controller(
     _among(axes, ("auto", "root", "middle"), "axes")
     body, turn = _axes_body(robot, axes)
     lower, upper = _gimbal_limits(robot)
+    bodies, torque = _joint_limits(robot)
     options = {"sigma_min": float(control.get("sigma_min", 0.02))} | options
     law = law_of(
         gain_set(robot, gains),
@@ -225,6 +231,8 @@ def flight_controller(
         axes_body=body,
         axes_rotation=turn,
         constrained=allocator == "constrained",
+        joints=bodies,
+        joint_limit=torque,
         **options,
     )
     arrays = (robot.tree, robot.rotors, robot.gimbals)
@@ -261,6 +269,17 @@ def _axes_body(robot: Robot, axes: str) -> tuple[int, Floats]:
         return 0, np.eye(3)
     body, turn, _ = robot.body_of_link(links[(len(links) - 1) // 2])
     return body, turn
+
+
+def _joint_limits(robot: Robot) -> tuple[list[int], Floats]:
+    """Returns the bodies that driven chain joints move, and the torque [N m] to keep to.
+
+    A share of the servo's limit is left to follow the motion itself.
+    """
+    driven = {s.joint for s in robot.modules.servos}
+    names = [n for n in robot.chain_joints if n in driven]
+    names = [n for n in names if 0.0 < robot.limits([n])[2][0] < np.inf]
+    return [robot.body_of_joint(n) for n in names], SERVO_SHARE * robot.limits(names)[2]
 
 
 def _gimbal_limits(robot: Robot) -> tuple[Floats, Floats]:

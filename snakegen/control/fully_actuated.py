@@ -9,6 +9,7 @@ from snakegen.control.controller import Controller, ControlRefused
 from snakegen.control.frame import CogFrame
 from snakegen.control.gains import Floats
 from snakegen.kernels.fully_actuated import wrench_of
+from snakegen.kernels.joint_loads import no_loads
 from snakegen.kernels.mode_allocation import allocate_virtual
 from snakegen.kernels.vectoring import joint_order
 
@@ -64,6 +65,7 @@ def allocate(
         law.newton,
         law.residual,
         law.constrained,
+        no_loads(3 * n),
     )
     if sigma < law.sigma_min and not force:
         raise ControlRefused(

@@ -8,6 +8,7 @@ from snakegen.control.controller import Controller, ControlRefused
 from snakegen.control.frame import CogFrame
 from snakegen.control.fully_actuated import Allocation
 from snakegen.control.gains import Floats
+from snakegen.kernels.joint_loads import no_loads
 from snakegen.kernels.mode_allocation import DUAL_SIGMA_MIN, allocate_dual
 from snakegen.kernels.underactuated import (
     horizontal,
@@ -94,7 +95,13 @@ def allocate(
     full = rotor_map(m, frame.rotors, joint_order(m, turns))
     q, wanted = truncated(full, tilt), truncated_wrench(np.array(wrench, float), tilt)
     thrust, sigma = allocate_dual(
-        q, wanted, frame.scale[2:], rotors.thrust_min, rotors.thrust_max, law.constrained
+        q,
+        wanted,
+        frame.scale[2:],
+        rotors.thrust_min,
+        rotors.thrust_max,
+        law.constrained,
+        no_loads(q.shape[1]),
     )
     if sigma < DUAL_SIGMA_MIN and not force:
         raise ControlRefused(

@@ -18,6 +18,7 @@ from snakegen.kernels.fully_actuated import (
     point_map,
 )
 from snakegen.kernels.jit import jit
+from snakegen.kernels.joint_loads import JointLoads
 from snakegen.kernels.linear import cross_into, dot, turn_into
 from snakegen.kernels.tree import Floats
 from snakegen.kernels.vectoring import AXIS, FIRST, SECOND, thrust_line, turned_into
@@ -54,6 +55,18 @@ def confine_at_limits(
 
 
 @jit
+def confined_loads(loads: JointLoads, allowed: Floats) -> JointLoads:
+    """Returns the joints' bounds on forces that `allowed` (Ñ, 3, 3) projects."""
+    out = np.zeros(loads.rows.shape)
+    for i in range(out.shape[0]):
+        for j in range(allowed.shape[0]):
+            for c in range(3):
+                for k in range(3):
+                    out[i, 3 * j + c] += loads.rows[i, 3 * j + k] * allowed[j, k, c]
+    return JointLoads(out, loads.bias, loads.limit)
+
+
+@jit
 def bounded_forces(
     m: Floats,
     wrench: Floats,
@@ -63,6 +76,7 @@ def bounded_forces(
     upper: Floats,
     last: Floats,
     rounds: int,
+    loads: JointLoads,
 ) -> tuple[Floats, Floats]:
     """Returns thrust (Ñ,) in [0, limit] and angles (Ñ, 2) within limits, nearest to `wrench`.
 
@@ -74,6 +88,7 @@ def bounded_forces(
         lower, upper: (Ñ, 2) rad, joint order.
         last: (Ñ, 2) rad, joint order.
         rounds: most rounds.
+        loads: bounds of the joints on forces in CoG axes.
     """
     n = limit.shape[0]
     angles, thrust, missed = last.copy(), np.zeros(n), np.zeros(n)
@@ -81,7 +96,7 @@ def bounded_forces(
     allowed = confinement(m, angles)
     for _ in range(rounds):
         q = point_map(m, angles, allowed)
-        forces = ball_allocation(q, wrench, rows, limit)
+        forces = ball_allocation(q, wrench, rows, limit, confined_loads(loads, allowed))
         before, moved = angles.copy(), 0.0
         aim_forces(m, forces, lower, upper, thrust, angles)
         for j in range(n):

@@ -18,6 +18,7 @@ from snakegen.kernels.control_types import (
     Target,
 )
 from snakegen.kernels.jit import jit
+from snakegen.kernels.joint_loads import force_loads, rotor_loads
 from snakegen.kernels.linear import matmul_into, turn_back_into
 from snakegen.kernels.mode_allocation import (
     DUAL_SIGMA_MIN,
@@ -152,7 +153,12 @@ def control_tick(
     last = joint_order(m, state.gimbals)
     thrust, angles, sigma, steps, size = np.empty(rotor.shape[0]), last, np.inf, 0, 0.0
     status = FLOWN
+    bounded = law.joints if law.constrained else law.joints[:0]
+    most = law.joint_limit if law.constrained else law.joint_limit[:0]
     if share > 0.0:
+        held_up = force_loads(
+            tree, gimbals, m, last, rotation, position, cog, axes, law.gravity, bounded, most
+        )
         pushes, angles, sigma, steps, size = allocate_virtual(
             m,
             gimbals.limit,
@@ -165,6 +171,7 @@ def control_tick(
             law.newton,
             law.residual,
             law.constrained,
+            held_up,
         )
         thrust = spread_thrust(rotor, pushes)
         if sigma < law.sigma_min:
@@ -180,8 +187,22 @@ def control_tick(
         angles = leaned
         q = truncated(rotor_map(m, rotor, angles), tilt)
         part = truncated_wrench(wrench, tilt)
+        bent = rotor_loads(
+            tree,
+            gimbals,
+            m,
+            rotor,
+            angles,
+            rotation,
+            position,
+            cog,
+            axes,
+            law.gravity,
+            bounded,
+            most,
+        )
         split, dual_sigma = allocate_dual(
-            q, part, rows[2:], rotors.thrust_min, rotors.thrust_max, law.constrained
+            q, part, rows[2:], rotors.thrust_min, rotors.thrust_max, law.constrained, bent
         )
         if share > 0.0:
             split = blended(q, part, rotors.thrust_max, thrust, split, share)

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from snakegen.kernels.tree import Floats
+from snakegen.kernels.tree import Floats, Ints
 
 VIRTUAL, DUAL = 1, 0  # modes: virtual single rotor (fully actuated), dual rotor (under-actuated)
 FLOWN, REFUSED = 0, 1  # status of a tick: REFUSED when σ_min is below the law's threshold
@@ -51,6 +51,8 @@ class Law(NamedTuple):
     residual: float  # N and N m, where Newton stops
     blend_time: float  # s, of a change of mode
     gravity: float  # m/s²
+    joints: Ints  # (k,) bodies moved by the joints whose torque the constrained allocator bounds
+    joint_limit: Floats  # (k,) N m
 
 
 class State(NamedTuple):

@@ -102,6 +102,17 @@ def wrench_of(m: Floats, thrust: Floats, angles: Floats) -> Floats:
 
 
 @jit
+def forces_of(m: Floats, thrust: Floats, angles: Floats) -> Floats:
+    """Returns the forces (3Ñ,) of apparatus thrusts at gimbal angles, CoG axes: eq 37 back."""
+    out, u, p = np.empty(3 * thrust.shape[0]), np.empty(3), np.empty(3)
+    for j in range(thrust.shape[0]):
+        thrust_line(m, j, angles[j], u, p)
+        for k in range(3):
+            out[3 * j + k] = thrust[j] * u[k]
+    return out
+
+
+@jit
 def wrench_jacobian(m: Floats, thrust: Floats, angles: Floats) -> Floats:
     """Returns ``J_w`` (6, 3Ñ), columns [all λ | all x1 | all x2], with ∂p: eqs 42-45."""
     n = thrust.shape[0]

@@ -8,10 +8,11 @@ from math import sqrt
 
 import numpy as np
 
-from snakegen.kernels.bounded import box_allocation
+from snakegen.kernels.bounded import box_within
 from snakegen.kernels.confined import bounded_forces
-from snakegen.kernels.fully_actuated import refine, spread_forces, wrench_jacobian
+from snakegen.kernels.fully_actuated import forces_of, refine, spread_forces, wrench_jacobian
 from snakegen.kernels.jit import jit
+from snakegen.kernels.joint_loads import JointLoads, overloaded
 from snakegen.kernels.spd import least_norm, least_singular_value
 from snakegen.kernels.tree import Floats
 
@@ -49,11 +50,12 @@ def allocate_virtual(
     newton: int,
     residual: float,
     constrained: int,
+    loads: JointLoads,
 ) -> tuple[Floats, Floats, float, int, float]:
     """Returns thrust (Ñ,), angles (Ñ, 2), σ_min(J_w), Newton steps and ‖ε‖: eqs 29-47.
 
     The constrained allocator takes over where the printed one passes a limit; elsewhere both give
-    the least-norm answer. Angles are in joint order.
+    the least-norm answer. Angles are in joint order; `loads` bounds forces in CoG axes.
     """
     n = limit.shape[0]
     thrust, angles = spread_forces(m, wrench, limit, lower, upper, last, sweeps)
@@ -67,8 +69,10 @@ def allocate_virtual(
         for k in range(2):
             beyond |= outside(angles[j, k], lower[j, k], upper[j, k])
     sigma = least_singular_value(wrench_jacobian(m, thrust, angles), rows, columns)
+    if constrained:
+        beyond |= overloaded(loads, forces_of(m, thrust, angles))
     if constrained and beyond:
-        thrust, angles = bounded_forces(m, wrench, rows, limit, lower, upper, last, ROUNDS)
+        thrust, angles = bounded_forces(m, wrench, rows, limit, lower, upper, last, ROUNDS, loads)
     return thrust, angles, sigma, steps, size
 
 
@@ -80,6 +84,7 @@ def allocate_dual(
     thrust_min: Floats,
     thrust_max: Floats,
     constrained: int,
+    loads: JointLoads,
 ) -> tuple[Floats, float]:
     """Returns rotor thrusts (n,) and the scaled σ_min(Q_trunc): eqs 20-22.
 
@@ -91,12 +96,13 @@ def allocate_dual(
         rows: (4,) their scale.
         thrust_min, thrust_max: (n,) N.
         constrained: 1 keeps the thrusts within limits.
+        loads: bounds of the joints on the thrusts, kept likewise.
     """
     thrust, beyond = least_norm(q, thrust_max, wanted), False
     for r in range(thrust.shape[0]):
         beyond |= outside(thrust[r], thrust_min[r], thrust_max[r])
-    if constrained and beyond:
-        thrust = box_allocation(q, wanted, rows, thrust_max, thrust_min, thrust_max)
+    if constrained and (beyond or overloaded(loads, thrust)):
+        thrust = box_within(q, wanted, rows, thrust_max, thrust_min, thrust_max, loads)
     return thrust, least_singular_value(q, rows, thrust_max)
 
 
