@@ -12,6 +12,7 @@ from snakegen.kernels.control_tick import control_tick
 from snakegen.kernels.control_types import Law, Measured, State, Target
 from snakegen.kernels.flight_types import Memory, Plant, References, Rows, Simulator, Wiring
 from snakegen.kernels.foreign import call_two_pointers
+from snakegen.kernels.history import rotation_of_quaternion
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import cross_into, matmul_into, turn_into
 from snakegen.kernels.tree import Floats, Gimbals, Rotors, Tree
@@ -21,18 +22,9 @@ FLYING, DIVERGED, ASTRAY = 0, 1, 2  # how a stretch of ticks ended
 
 
 @jit
-def rotation_of_quaternion(q: Floats, out: Floats) -> None:
-    """Writes the rotation, row-major in out (9,), of a unit quaternion [w, x, y, z]."""
-    w, x, y, z = q[0], q[1], q[2], q[3]
-    out[0], out[1], out[2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    out[3], out[4], out[5] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    out[6], out[7], out[8] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-
-
-@jit
 def read_imu(sim: Simulator, memory: Memory) -> None:
     """Takes a sample of attitude and angular rate."""
-    rotation_of_quaternion(sim.qpos[3:7], memory.imu[:9])
+    rotation_of_quaternion(sim.qpos[3:7], memory.imu[:9].reshape(3, 3))
     for i in range(3):
         memory.imu[9 + i] = sim.qvel[3 + i]
 
@@ -230,7 +222,7 @@ def fly_ticks(
         for i in range(plant.substeps):
             thrusts_into(sim, wires, thrust)
             spin_torques(sim, wires, plant, memory, thrust)
-            call_two_pointers(sim.step, sim.model, sim.data)
+            call_two_pointers(sim.step, sim.model, sim.data)  # type: ignore[call-arg]
             if (k * plant.substeps + i + 1) % plant.imu == 0:
                 read_imu(sim, memory)
         if not fastest(sim.qvel) < LOST:

@@ -9,6 +9,51 @@ from snakegen.kernels.tree import Floats, Tree
 
 
 @jit
+def rotation_of_quaternion(q: Floats, out: Floats) -> None:
+    """Writes the rotation (3, 3) of a unit quaternion [w, x, y, z]."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    out[0, 0], out[1, 1] = 1 - 2 * (y * y + z * z), 1 - 2 * (x * x + z * z)
+    out[2, 2] = 1 - 2 * (x * x + y * y)
+    out[0, 1], out[1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
+    out[0, 2], out[2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
+    out[1, 2], out[2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
+
+
+@jit
+def rotations_of(wxyz: Floats) -> Floats:
+    """Returns rotations (T, 3, 3) of unit quaternions (T, 4) [w, x, y, z]."""
+    out = np.empty((wxyz.shape[0], 3, 3))
+    for k in range(wxyz.shape[0]):
+        rotation_of_quaternion(wxyz[k], out[k])
+    return out
+
+
+@jit
+def quaternions(rotations: Floats) -> Floats:
+    """Returns unit quaternions (T, 4) [x, y, z, w], w ≥ 0, of rotations (T, 3, 3) (Shepperd)."""
+    out = np.empty((rotations.shape[0], 4))
+    for t in range(rotations.shape[0]):
+        r, q = rotations[t], out[t]
+        trace, i = r[0, 0] + r[1, 1] + r[2, 2], 3
+        most = trace
+        for a in range(3):
+            if r[a, a] > most:
+                most, i = r[a, a], a
+        if i == 3:
+            q[3] = 1.0 + trace
+            q[0], q[1], q[2] = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+        else:
+            j, k = (i + 1) % 3, (i + 2) % 3
+            q[i] = 1.0 + r[i, i] - r[j, j] - r[k, k]
+            q[j], q[k], q[3] = r[j, i] + r[i, j], r[k, i] + r[i, k], r[k, j] - r[j, k]
+        size = np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        size = -size if q[3] < 0.0 else size
+        for a in range(4):
+            q[a] /= size
+    return out
+
+
+@jit
 def cog_history(
     tree: Tree,
     body: int,

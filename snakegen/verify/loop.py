@@ -16,7 +16,6 @@ from snakegen.geometry import Floats
 from snakegen.kernels.chain import forward
 from snakegen.kernels.control_types import REFUSED, Measured, State, Target
 from snakegen.kernels.flight import ASTRAY, DIVERGED, fly_ticks, read_imu, thrusts_into
-from snakegen.kernels.flight_types import Rows
 from snakegen.verify import wiring
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Draw, Imperfections
@@ -36,6 +35,7 @@ class Flown:
         sigma_min, wanted, given: from the controller.
         contact: (T,) N, normal force of the floor.
         used: (T,) share of the battery.
+        wind: (T, 3) m/s, world.
         events: (time, level, text).
         stopped: "" or why the run ended early.
         frame: (3, 3) attitude of the CoG frame at the start.
@@ -52,6 +52,7 @@ class Flown:
     given: Floats
     contact: Floats
     used: Floats
+    wind: Floats
     events: list[tuple[float, str, str]]
     stopped: str
     frame: Floats
@@ -100,7 +101,7 @@ def fly(
     refused = run.rows.status[:k] == REFUSED
     begun = np.flatnonzero(refused & ~np.append(False, refused[:-1]))
     events += [(float(plan.time[i]), "WARN", "σ_min below the threshold") for i in begun]
-    return _flown(run.rows, k, events, stopped, run.frame)
+    return _flown(run, k, events, stopped)
 
 
 class _Run:
@@ -217,9 +218,8 @@ def _frame(world: World, controller: Controller, data: mujoco.MjData) -> Floats:
     return np.asarray(rotation[law.axes_body] @ law.axes_rotation)
 
 
-def _flown(
-    rows: Rows, k: int, events: list[tuple[float, str, str]], stopped: str, frame: Floats
-) -> Flown:
+def _flown(run: _Run, k: int, events: list[tuple[float, str, str]], stopped: str) -> Flown:
+    rows = run.rows
     return Flown(
         k,
         rows.qpos[:k],
@@ -232,9 +232,10 @@ def _flown(
         rows.given[:k],
         rows.contact[:k],
         rows.used[:k],
+        run.references.wind[:k],
         sorted(events),
         stopped,
-        frame,
+        run.frame,
     )
 
 

@@ -123,7 +123,7 @@ def _thrusts(recording: Recording, start: float, end: float) -> dict[str, Any]:
 
 def _torques(recording: Recording, start: float, end: float) -> dict[str, Any]:
     out: dict[str, Any] = {}
-    for name in ("joint_torque", "gimbal_torque"):
+    for name in ("joint_torque", "gimbal_torque", "roll_moment"):
         if name not in recording.channels:
             continue
         torque = np.abs(_cut(recording, name, start, end))
@@ -200,15 +200,18 @@ def _minima(recording: Recording, start: float, end: float) -> dict[str, Any]:
 
 
 def _energy(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    if "battery_used" in recording.channels:
+        out["battery_used"] = _worst(_cut(recording, "battery_used", start, end), np.max)
     if "power" not in recording.channels:
-        return {}
+        return out
     inside = _inside(recording.times("power"), start, end)
     time = recording.times("power")[inside]
     power = recording.channel("power").values.sum(axis=1)[inside]
     if time.size < 2:
-        return {}
+        return out
     energy = np.trapezoid(power, time)
-    return {"energy_j": energy, "power_mean_w": energy / (time[-1] - time[0])}
+    return out | {"energy_j": energy, "power_mean_w": energy / (time[-1] - time[0])}
 
 
 def _of_mission(recording: Recording) -> dict[str, Any]:

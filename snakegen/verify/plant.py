@@ -29,7 +29,7 @@ class Imperfections:
     velocity_noise: float = 0.01
     joint_noise: float = 0.00175
     imu_rate: float = 500.0
-    delay: float = 0.0
+    delay: float = 0.005
     servo_speed: float = 1.0
     gyroscopic: float = 1.0
     air_density: float = 1.2
@@ -41,8 +41,6 @@ class Imperfections:
     turbulence: float = 0.0
     endurance: float = 180.0
     voltage_sag: float = 0.1
-    link_stiffness: float = 0.0
-    link_damping: float = 0.02
 
     @staticmethod
     def of(values: dict[str, Any]) -> "Imperfections":

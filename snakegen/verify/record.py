@@ -6,20 +6,20 @@ import numpy as np
 
 from snakegen import __version__
 from snakegen.control.controller import Controller
-from snakegen.geometry import Floats, quaternion_xyzw
+from snakegen.geometry import Floats
 from snakegen.kernels.chain import forward
 from snakegen.kernels.control_types import VIRTUAL
-from snakegen.kernels.history import cog_history
+from snakegen.kernels.history import cog_history, quaternions, rotations_of
 from snakegen.robot import Robot
 from snakegen.verify.clearance import clearances
 from snakegen.verify.loop import Flown, rotation_of
 from snakegen.verify.plan import Plan
+from snakegen.verify.plant import AIR, FIGURE_OF_MERIT
 from snakegen.verify.recording import Channel, Event, Recording, channel
+from snakegen.verify.rotor_signals import power, roll_moments, thrusts
 from snakegen.verify.world import World
 
 SLOW = 0.1  # s, between two rows of what is worked out from the posture
-AIR = 1.2  # kg/m³
-FIGURE_OF_MERIT = 0.6  # share of the ideal power that becomes thrust (assumed)
 
 
 def record(
@@ -29,8 +29,8 @@ def record(
     robot, n = world.robot, flown.ticks
     time = plan.time[:n]
     motion = _motion(world, controller, flown)
-    target = np.array([quaternion_xyzw(flown.frame @ r) for r in plan.rotation[:n]])
-    thrust = _thrust(world, flown)
+    target = quaternions(np.ascontiguousarray(flown.frame @ plan.rotation[:n]))
+    thrust = thrusts(world, flown)
     gimbals = world.gimbal_joints >= 0
     names = _Names(robot, world)
     joints, turned = world.chain, world.gimbal_joints[gimbals]
@@ -38,7 +38,7 @@ def record(
     channels = {
         "position": channel("position", motion[0]),
         "position_target": channel("position_target", plan.position[:n]),
-        "attitude": channel("attitude", np.array([quaternion_xyzw(r) for r in motion[2]])),
+        "attitude": channel("attitude", quaternions(motion[2])),
         "attitude_target": channel("attitude_target", target),
         "velocity": channel("velocity", motion[1]),
         "angular_velocity": channel("angular_velocity", motion[3]),
@@ -57,7 +57,10 @@ def record(
         "joint_torque": channel("joint_torque", flown.force[:, world.servos], names.joints),
         "sigma_min": channel("sigma_min", flown.sigma_min),
         "floor_contact": channel("floor_contact", flown.contact),
-        "power": channel("power", _power(robot, thrust)),
+        "power": channel("power", power(robot, thrust)),
+        "roll_moment": channel(
+            "roll_moment", roll_moments(robot, thrust, flown.qpos[:, world.qpos]), names.rolls
+        ),
     }
     if plan.disturbance is not None:
         channels["disturbance"] = channel("disturbance", plan.disturbance[:n])
@@ -76,6 +79,7 @@ class _Names:
         self.gimbals = [
             n for a in robot.modules.apparatuses for n in (a.roll, a.pitch) if n is not None
         ]
+        self.rolls = [a.roll for a in robot.modules.apparatuses if a.roll is not None]
         self.joints = [robot.joint_names[i] for i in world.chain]
         base = ["x", "y", "z", "qx", "qy", "qz", "qw"] if robot.floating else []
         self.q = base
@@ -88,7 +92,7 @@ def _motion(
     world: World, controller: Controller, flown: Flown
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Returns true CoG position, velocity, attitude and rate along the run."""
-    rotation = np.array([rotation_of(q) for q in flown.qpos[:, 3:7]])
+    rotation = rotations_of(np.ascontiguousarray(flown.qpos[:, 3:7]))
     law = controller.law
     out = cog_history(
         world.robot.tree,
@@ -117,22 +121,6 @@ def _link_place(world: World, plan: Plan, flown: Flown) -> Floats:
     return out
 
 
-def _thrust(world: World, flown: Flown) -> Floats:
-    """Returns the thrust that each rotor gives, after its lag."""
-    lagged = world.activation >= 0
-    out = np.array(flown.force[:, world.rotors])
-    out[:, lagged] = flown.act[:, world.activation[lagged]]
-    return out
-
-
-def _power(robot: Robot, thrust: Floats) -> Floats:
-    """Returns the electric power (T,) [W]: ideal power ``T^1.5 / √(2 ρ A)`` over 0.6."""
-    sizes = np.array([r.diameter for a in robot.modules.apparatuses for r in a.rotors])
-    area = np.pi * (0.5 * sizes) ** 2
-    ideal = np.maximum(thrust, 0.0) ** 1.5 / np.sqrt(2.0 * AIR * area)
-    return np.asarray(ideal.sum(axis=1) / FIGURE_OF_MERIT)
-
-
 def _slow(
     world: World, controller: Controller, plan: Plan, flown: Flown, q: Floats
 ) -> dict[str, Channel]:
@@ -147,6 +135,9 @@ def _slow(
     out["floor_distance"] = channel("floor_distance", floor, time=time)
     if plan.obstacles:
         out["obstacle_distance"] = channel("obstacle_distance", obstacle, time=time)
+    out["battery_used"] = channel("battery_used", flown.used[rows], time=time)
+    if np.any(flown.wind):
+        out["wind"] = channel("wind", flown.wind[rows], time=time)
     if np.all(np.isfinite(own)):
         out["self_distance"] = channel("self_distance", own, time=time)
     return out
@@ -192,6 +183,7 @@ def _meta(robot: Robot, world: World, meta: dict[str, Any]) -> dict[str, Any]:
             "thrust_max": [r.thrust_max for r in rotors],
             "joint_torque": efforts.tolist(),
             "gimbal_torque": gimbal_efforts.tolist(),
+            "roll_moment": robot.limits(_Names(robot, world).rolls)[2].tolist(),
         },
         "power_model": f"thrust^1.5/sqrt(2 rho A)/{FIGURE_OF_MERIT}, rho {AIR}",
     } | meta

@@ -66,6 +66,11 @@ STANDARD: dict[str, Standard] = {
         ("fx", "fy", "fz", "tx", "ty", "tz"),
     ),
     "disturbance_point": Standard("m", "disturbance point", "where it acts, world axes", _XYZ),
+    "roll_moment": Standard(
+        "N·m", "roll moment", "moment of unequal rotors about each φ axis (ZN23: λ1 − λ2)"
+    ),
+    "battery_used": Standard("1", "battery", "share of the battery's energy used"),
+    "wind": Standard("m/s", "wind", "velocity of the air, world axes", _XYZ),
     "power": Standard("W", "power", "electric power"),
     "screw_rate": Standard("rad/s", "screws", "rate of each screw"),
     "slip": Standard("m/s", "slip", "residual of each unit's no-side-slip constraint"),

@@ -116,13 +116,18 @@ def references(plan: Plan, noise: Draw, frame: Floats, mode: int) -> References:
     ticks = len(plan.time)
     strength = np.repeat(noise.thrust_factor[None], ticks, axis=0)
     for failure in plan.failures:
-        strength[np.ix_(plan.time >= failure.time, list(failure.rotors))] = 0.0
+        after = int(np.searchsorted(plan.time, failure.time - 1e-9))
+        strength[after:, np.array(failure.rotors, int)] = 0.0
     modes = np.full(ticks, mode) if plan.mode is None else np.asarray(plan.mode)
     wind = noise.wind if plan.wind is None else noise.wind + plan.wind
     push = np.zeros((0, 6)) if plan.disturbance is None else plan.disturbance
-    arrays = (plan.position, plan.velocity, plan.acceleration, frame @ plan.rotation, plan.angular)
     return References(
-        *(np.ascontiguousarray(a, dtype=float) for a in (*arrays, plan.joints)),
+        np.ascontiguousarray(plan.position, dtype=float),
+        np.ascontiguousarray(plan.velocity, dtype=float),
+        np.ascontiguousarray(plan.acceleration, dtype=float),
+        np.ascontiguousarray(frame @ plan.rotation),
+        np.ascontiguousarray(plan.angular, dtype=float),
+        np.ascontiguousarray(plan.joints, dtype=float),
         modes.astype(np.int64),
         strength,
         np.ascontiguousarray(push, dtype=float),
@@ -195,9 +200,14 @@ def memory(world: World, gimbals: Floats, joints: Floats, delay: int) -> Memory:
 
 def rows(model: mujoco.MjModel, ticks: int) -> Rows:
     """Returns an empty log of `ticks` rows."""
-    sizes = (model.nq, model.nv, model.na, model.nu, model.nu, 6, 6)
     return Rows(
-        *(np.zeros((ticks, n)) for n in sizes),
+        np.zeros((ticks, model.nq)),
+        np.zeros((ticks, model.nv)),
+        np.zeros((ticks, model.na)),
+        np.zeros((ticks, model.nu)),
+        np.zeros((ticks, model.nu)),
+        np.zeros((ticks, 6)),
+        np.zeros((ticks, 6)),
         np.full(ticks, np.nan),
         np.zeros(ticks),
         np.zeros(ticks),
