@@ -1,0 +1,137 @@
+"""The loop of an arm on a fixed base: its servos are led along a motion in MuJoCo.
+
+Beside the servos' torque it asks MuJoCo's inverse dynamics for the torque of the same motion, so
+that the law of `kinetostatics` is held against both, as ZS24 compares with ADAMS.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from snakegen.errors import MissionError
+from snakegen.geometry import Floats
+from snakegen.kinetostatics.along import Along
+from snakegen.kinetostatics.friction import Friction
+from snakegen.verify.world import World
+
+LEADS = ("none", "speed", "law")
+_LOST = 100.0  # rad/s: a run this fast has diverged
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """What a run left behind: a row an instant, before the step that begins there.
+
+    Attributes:
+        ticks: instants run.
+        qpos: (T, nq) MuJoCo's configuration.
+        rates, accelerations: (T, k) rad/s and rad/s² of the chain's joints; Δq̇/Δt of the step.
+        torque: (T, k) N m that the servos gave over the step.
+        friction: (T, k) N m that dry friction gave over the step.
+        inverse: (T, k) N m of MuJoCo's inverse dynamics of the motion asked for.
+        contacts: (T,) how many contacts there were.
+        stopped: "" or why the run ended early.
+    """
+
+    ticks: int
+    qpos: Floats
+    rates: Floats
+    accelerations: Floats
+    torque: Floats
+    friction: Floats
+    inverse: Floats
+    contacts: Floats
+    stopped: str
+
+
+def inverse_dynamics(world: World, along: Along, gravity: Floats) -> Floats:
+    """Returns MuJoCo's inverse dynamics (T, k) [N m] of a motion, friction left out."""
+    model, data = world.model, mujoco.MjData(world.model)
+    model.opt.gravity[:] = gravity
+    off = int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS) | int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    flags = model.opt.disableflags
+    model.opt.disableflags = flags | off
+    at, dof = world.qpos[world.chain], world.qvel[world.chain]
+    out = np.empty_like(along.angles)
+    for k in range(len(along.time)):
+        data.qpos[at], data.qvel[dof] = along.angles[k], along.rates[k]
+        data.qacc[:] = 0.0
+        data.qacc[dof] = along.accelerations[k]
+        mujoco.mj_inverse(model, data)
+        out[k] = data.qfrc_inverse[dof]
+    model.opt.disableflags = flags
+    return out
+
+
+def move(
+    world: World,
+    along: Along,
+    gravity: Floats,
+    *,
+    friction: Friction,
+    lead: str = "speed",
+    progress: Callable[[int, int], Any] | None = None,
+) -> Moved:
+    """Runs the servos along a motion, one command an instant of `along`, one step between two.
+
+    A servo gives ``k_p (u - q) - k_v q̇``; so u = q_d alone lags by k_v q̇_d / k_p. `lead` adds to
+    u what takes the lag away: ``speed`` k_v q̇_d / k_p; ``law`` also τ_law / k_p, with which the
+    spring has nothing left to do but correct. The torque read is the one that the step applied:
+    the integrator takes the damping at the step's end, so ``k_v Δq̇`` comes off the sensor's value.
+
+    Args:
+        world: whose timestep is the spacing of `along`.
+        along: the motion, at the world's steps.
+        gravity: (3,) m/s².
+        friction: of every chain joint; MuJoCo's dry friction is set to its bound every step.
+        lead: one of `LEADS`.
+        progress: called with instants run and instants in all.
+
+    Raises:
+        MissionError: a lead that is not known, a chain joint without a servo.
+    """
+    if lead not in LEADS:
+        raise MissionError(f"lead: '{lead}' is none of {', '.join(LEADS)}.")
+    model, data = world.model, mujoco.MjData(world.model)
+    model.opt.gravity[:] = gravity
+    at, dof, servo = world.qpos[world.chain], world.qvel[world.chain], world.servos
+    stiffness, damping = model.actuator_gainprm[servo, 0], -model.actuator_biasprm[servo, 2]
+    law = along.torque()
+    command = along.angles.copy()
+    if lead != "none":
+        command += damping / stiffness * along.rates
+    if lead == "law":
+        command += law / stiffness
+    dry = np.array(model.dof_frictionloss[dof])  # the robot's own, if its spec has some
+    data.qpos[at], data.qvel[dof] = along.angles[0], along.rates[0]
+    count, wide = len(along.time), len(at)
+    qpos = np.zeros((count, model.nq))
+    rates, bends, torque, held = np.zeros((4, count, wide))
+    contacts, stopped, ticks = np.zeros(count), "", count
+    try:
+        for k in range(count):
+            speed = data.qvel[dof].copy()
+            qpos[k], rates[k] = data.qpos, speed
+            data.ctrl[servo] = command[k]
+            model.dof_frictionloss[dof] = dry + friction.bound(speed)
+            mujoco.mj_step(model, data)
+            gained = data.qvel[dof] - speed
+            bends[k] = gained / model.opt.timestep
+            torque[k] = data.actuator_force[servo] - damping * gained
+            held[k], contacts[k] = data.qfrc_constraint[dof], data.ncon
+            if not np.abs(data.qvel).max() < _LOST:
+                stopped, ticks = f"diverged at {along.time[k]:.3f} s", k + 1
+                break
+            if progress is not None and k % 200 == 0:
+                progress(k, count)
+    except KeyboardInterrupt:
+        stopped, ticks = f"interrupted at {along.time[k]:.2f} s", max(k, 1)
+    model.dof_frictionloss[dof] = dry
+    inverse = inverse_dynamics(world, along, gravity)
+    return Moved(
+        ticks, qpos[:ticks], rates[:ticks], bends[:ticks], torque[:ticks], held[:ticks],
+        inverse[:ticks], contacts[:ticks], stopped,
+    )  # fmt: skip

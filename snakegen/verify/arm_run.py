@@ -1,0 +1,247 @@
+"""A verification run of an arm: motion → MuJoCo by its servos → recording → verdict.
+
+Three torques stand side by side in the log: the servos' (`joint_torque`), the law's of the motion
+asked for (`joint_torque_law`) and MuJoCo's inverse dynamics of it (`joint_torque_inverse`); and the
+law's of the motion that the servos made, which needs no tracking to be good (`joint_torque_made`).
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from snakegen import __version__
+from snakegen.errors import AnalysisError, MissionError
+from snakegen.geometry import Floats
+from snakegen.kernels.inverse_dynamics import NO_LOADS, torques_batch
+from snakegen.kernels.twist import tip_jacobian
+from snakegen.kinetostatics.along import Along, torques_along
+from snakegen.kinetostatics.friction import friction_of
+from snakegen.kinetostatics.law import armature, finite
+from snakegen.kinetostatics.motion import Motion
+from snakegen.kinetostatics.tip import Tip, find_tip
+from snakegen.robot import Robot
+from snakegen.verify.arm import Moved, move
+from snakegen.verify.metrics import metrics
+from snakegen.verify.recording import Channel, Recording, channel
+from snakegen.verify.verdict import verdict
+from snakegen.verify.world import World, make_world
+
+STEP = 0.001  # s, of the simulation and of the servos' commands
+LOGGED = 2  # steps a row of the log
+THRESHOLDS: dict[str, dict[str, Any]] = {
+    "completed": {"equals": True},
+    "finite": {"equals": True},
+    "joint_torque_use": {"at_most": 0.99},
+    "inverse_gap_share": {"at_most": 1e-9},
+    "made_gap_share": {"at_most": 1e-6},
+}
+FOLLOWS: dict[str, dict[str, Any]] = {"torque_gap_share": {"at_most": 0.01}}
+
+
+def movable(robot: Robot) -> bool:
+    """Tells whether a robot is an arm on a fixed base whose every chain joint has a servo."""
+    driven = {s.joint for s in robot.modules.servos}
+    return not robot.floating and bool(robot.chain_joints) and set(robot.chain_joints) <= driven
+
+
+def with_defaults(known: Mapping[str, Any], given: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Returns the options of a mission, its defaults where none are given."""
+    return {k: v[0] for k, v in known.items()} | dict(given or {})
+
+
+def run_arm(
+    robot: Robot,
+    motion: Motion,
+    *,
+    mission: str,
+    seed: int,
+    options: Mapping[str, Any],
+    tip: Tip | None = None,
+    tip_target: Floats | None = None,
+    thresholds: Mapping[str, Any] | None = None,
+    facts: Mapping[str, Any] | None = None,
+    progress: Callable[[int, int], Any] | None = None,
+) -> Recording:
+    """Runs `motion` in MuJoCo and returns the judged recording.
+
+    Args:
+        robot: an arm, as `movable` says.
+        motion: of its chain.
+        mission: name.
+        seed: kept in the log; nothing here is drawn by chance.
+        options: of the mission: gravity, lead, friction and its own.
+        tip: the point whose place is logged; the last link's end if absent.
+        tip_target: (T, 3) m, where it should be at every step, where that is not simply where the
+            motion asked for has it.
+        thresholds: of the verdict, over the defaults; None takes a check out.
+        facts: what the mission wants in the log, as JSON.
+        progress: called with instants run and instants in all.
+
+    Raises:
+        MissionError: options that are none.
+        SnakegenError: as `torques_along`.
+    """
+    try:
+        gravity = finite(options.get("gravity", "0,0,-9.81"), (3,), "gravity")
+        rub = friction_of(options.get("friction"))
+    except AnalysisError as error:
+        raise MissionError(str(error)) from None
+    world = make_world(robot, timestep=STEP, floor=False)
+    q = robot.configuration()
+    along = torques_along(robot, q, motion, motion.times(1.0 / STEP), gravity=gravity)
+    lead = str(options.get("lead", "law"))
+    moved = move(world, along, gravity, friction=rub, lead=lead, progress=progress)
+    made = _law_of(world, moved, gravity)
+    rows = np.arange(0, moved.ticks, LOGGED)
+    end = find_tip(robot) if tip is None else tip
+    channels = _channels(world, along, moved, made, end, tip_target, rows)
+    meta = {
+        "robot": robot.name,
+        "mission": mission,
+        "mode": f"servos led by {lead}",
+        "seed": seed,
+        "version": __version__,
+        "weight_n": robot.force_scale,
+        "urdf": robot.urdf,
+        "urdf_sha256": robot.urdf_hash,
+        "rotors": [],
+        "limits": {"joint_torque": robot.limits(motion.joints)[2].tolist()},
+        "options": {k: v for k, v in options.items() if v is not None},
+        "gravity_m_s2": gravity.tolist(),
+        "friction_n_m": [rub.static, rub.sliding],
+        "stopped": moved.stopped,
+        "planned_s": float(along.time[-1]),
+        "facts": dict(facts or {}),
+    }
+    recording = Recording(along.time[rows], channels, (), meta)
+    found = metrics(recording) | {"completed": not moved.stopped}
+    # Friction holds joints back where they turn round: then only the motion made is comparable.
+    bounds = THRESHOLDS | ({} if rub.present or lead != "law" else FOLLOWS) | dict(thresholds or {})
+    judged = verdict(found, {k: v for k, v in bounds.items() if v is not None})
+    return recording.judged(found, judged)
+
+
+def arm_metrics(recording: Recording) -> dict[str, Any]:
+    """Returns the numbers of an arm's run, from its log alone.
+
+    ``torque_gap_share``: the servos' torque and friction against the law of the motion asked for,
+    largest over joints and time, as a share of each joint's peak; ``made_gap_share`` against the
+    law of the motion made; ``inverse_gap_share``: MuJoCo's inverse dynamics against the law.
+    ``friction_gap_n_m``: the servos' torque against the law without friction, ``_turning`` within
+    50 ms of a joint's turning round, ``_moving`` when it is faster than half its top speed.
+    """
+    law = recording.channel("joint_torque_law").values
+    servo = recording.channel("joint_torque").values
+    rubbed = servo + recording.channel("joint_friction").values
+    peak = np.maximum(np.abs(law).max(axis=0), 1e-12)
+    peak = np.where(peak > 1e-9 * peak.max(), peak, np.inf)  # a joint that bears nothing
+    ways = {
+        "torque_gap_share": rubbed - law,
+        "made_gap_share": rubbed - recording.channel("joint_torque_made").values,
+        "inverse_gap_share": recording.channel("joint_torque_inverse").values - law,
+    }
+    out: dict[str, Any] = {k: float(np.max(np.abs(v) / peak)) for k, v in ways.items()}
+    time = recording.time
+    out["joint_torque_rms_n_m"] = np.sqrt(np.trapezoid(servo**2, time, axis=0) / np.ptp(time))
+    power = recording.channel("joint_power").values
+    out["joint_power_max_w"] = float(np.max(np.abs(power)))
+    if recording.meta.get("friction_n_m", [0.0])[0] > 0:
+        rate = recording.channel("joint_rate").values
+        turning = _near_turning(time, rate, 0.05)
+        moving = np.abs(rate) > 0.5 * np.abs(rate).max(axis=0)
+        gap = np.abs(servo - law)
+        for name, where in (("turning", turning), ("moving", moving)):
+            out[f"friction_gap_{name}_n_m"] = float(np.max(gap[where])) if where.any() else None
+    return out
+
+
+def _near_turning(time: Floats, rate: Floats, span: float) -> Any:
+    """Returns (T, k) booleans: within `span` s of a change of sign of a joint's rate."""
+    turned = np.zeros(rate.shape, bool)
+    for j in range(rate.shape[1]):
+        for k in np.flatnonzero(np.diff(np.sign(rate[:, j])) != 0):
+            turned[np.abs(time - time[k]) <= span, j] = True
+    return turned
+
+
+def _law_of(world: World, moved: Moved, gravity: ArrayLike) -> Floats:
+    """Returns the law's torques (T, k) [N m] of the motion that the servos made."""
+    robot, m, n = world.robot, moved.ticks, len(world.robot.joint_names)
+    v, a = np.zeros((2, m, 6 + n))
+    v[:, 6 + world.chain], a[:, 6 + world.chain] = moved.rates, moved.accelerations
+    base = np.repeat(np.eye(3)[None], m, axis=0)
+    angles = np.ascontiguousarray(moved.qpos[:, world.qpos])
+    out = torques_batch(
+        robot.tree, armature(robot), np.asarray(gravity, float), base, angles, v, a, NO_LOADS
+    )
+    return np.asarray(out[:, 6 + world.chain])
+
+
+def _channels(
+    world: World,
+    along: Along,
+    moved: Moved,
+    made: Floats,
+    tip: Tip,
+    tip_target: Floats | None,
+    rows: Any,
+) -> dict[str, Channel]:
+    """Returns what is logged, every `LOGGED`-th step."""
+    names, robot = list(along.joints), world.robot
+    angles = moved.qpos[:, world.qpos]
+    asked = angles.copy()
+    asked[:, world.chain] = along.angles[: moved.ticks]
+    law = along.torque()[: moved.ticks]
+    goal = _tips(robot, asked[rows], tip) if tip_target is None else tip_target[rows]
+
+    def per_joint(name: str, values: Floats, **more: Any) -> Channel:
+        return channel(name, values[rows], names, **more)
+
+    def torque(name: str, values: Floats, group: str, meaning: str) -> Channel:
+        return per_joint(name, values, unit="N·m", group=group, meaning=meaning)
+
+    rate = {"unit": "rad/s", "group": "joint rate", "meaning": "rate of each joint"}
+    watt = {"unit": "W", "group": "joint power", "meaning": "mechanical power of each servo"}
+    by_law = "joint torque by the law"
+    return {
+        "position": channel("position", _tips(robot, angles[rows], tip), meaning="the tip"),
+        "position_target": channel("position_target", goal, meaning="where the tip should be"),
+        "q": channel("q", world.configurations(moved.qpos[rows]), _q_labels(robot)),
+        "joint_angle": per_joint("joint_angle", angles[:, world.chain]),
+        "joint_command": per_joint("joint_command", along.angles[: moved.ticks]),
+        "joint_rate": per_joint("joint_rate", moved.rates, **rate),
+        "joint_torque": per_joint("joint_torque", moved.torque),
+        "joint_torque_law": torque(
+            "joint_torque_law", law, by_law, "the law's, of the motion asked for"
+        ),
+        "joint_torque_gap": torque(
+            "joint_torque_gap", moved.torque - law, "joint torque gap", "servos less law"
+        ),
+        "joint_torque_inverse": torque(
+            "joint_torque_inverse", moved.inverse, "inverse dynamics", "MuJoCo's, of the same"
+        ),
+        "joint_torque_made": torque(
+            "joint_torque_made", made, "law of the motion made", "the law's, of the motion made"
+        ),
+        "joint_friction": torque("joint_friction", moved.friction, "joint friction", "dry"),
+        "joint_power": per_joint("joint_power", moved.torque * moved.rates, **watt),
+    }
+
+
+def _tips(robot: Robot, angles: Floats, tip: Tip) -> Floats:
+    """Returns the tip's places (T, 3) [m] from the base origin."""
+    flat = np.ascontiguousarray(angles)
+    return np.array(
+        [tip_jacobian(robot.tree, np.eye(3), row, tip.body, tip.point)[0] for row in flat]
+    )
+
+
+def _q_labels(robot: Robot) -> list[str]:
+    """Returns the labels of q: joint names, two of a joint that has cos and sin."""
+    out: list[str] = []
+    for name in robot.joint_names:
+        two = robot.model.joints[robot.model.getJointId(name)].nq == 2
+        out += [f"{name}:cos", f"{name}:sin"] if two else [name]
+    return out
