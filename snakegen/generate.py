@@ -77,6 +77,7 @@ def build(
         urdf_path, text = _write_urdf(spec_path, spec.name, mesh_uri)
         made = meshes.write_meshes(folder / "meshes", _needed(meshes.unit_meshes(), text))
         made |= meshes.write_meshes(folder / "meshes", drum_meshes(resolved))
+        made |= _payload_mesh(spec, folder)
         found = lint.lint(text, folder=folder)
         lint.refuse(found, urdf_path.name)
         equivalence = _write_mjcf(folder, spec.name, text, made)
@@ -111,6 +112,18 @@ def _write_urdf(spec_path: Path, name: str, mesh_uri: str) -> tuple[Path, str]:
     return path, text
 
 
+def _payload_mesh(spec: RobotSpec, folder: Path) -> dict[str, Path]:
+    """Copies the mesh that the payload names into the build; returns it by name."""
+    from snakegen.payload_mesh import locate, target
+
+    if spec.payload is None or spec.payload.mesh is None:
+        return {}
+    copy = folder / target(spec.payload.mesh)
+    copy.parent.mkdir(exist_ok=True)
+    copy.write_bytes(locate(spec.payload.mesh, spec.folder).read_bytes())
+    return {copy.stem: copy}
+
+
 def _needed(all_meshes: dict[str, Any], text: str) -> dict[str, Any]:
     return {name: mesh for name, mesh in all_meshes.items() if f"/{name}.stl" in text}
 
@@ -125,7 +138,7 @@ def _write_mjcf(folder: Path, name: str, text: str, made: dict[str, Path]) -> An
     from snakegen.robot import from_urdf_text
 
     robot = from_urdf_text(text, None, checked=True)
-    assets = {f"meshes/{n}.stl": p.read_bytes() for n, p in made.items()}
+    assets = {f"meshes/{p.name}": p.read_bytes() for p in made.values()}
     path = folder / f"{name}.xml"
     write(decorate(text, robot.modules, assets), path)
     (folder / "scene.xml").write_text(scene(path.name, name), encoding="utf-8")

@@ -1,20 +1,11 @@
 """Inertia of solids from mass and size, about the centre of mass; x is the long axis."""
 
 import math
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+
+import numpy as np
 
 Diagonal = tuple[float, float, float]
-Triple = tuple[float, float, float]
-
-
-class Filled(NamedTuple):
-    """A filled mesh of mass 1 kg."""
-
-    com: Triple  # m, mesh axes
-    inertia: tuple[float, ...]  # m² (kg m² a kg), Ixx Iyy Izz Ixy Ixz Iyz about the centre of mass
-    box_size: Triple  # m, of its bounding box
-    box_centre: Triple  # m
 
 
 def cylinder(mass: float, radius: float, length: float) -> Diagonal:
@@ -48,33 +39,10 @@ def obeys_triangle(diagonal: Diagonal, tolerance: float = 1e-9) -> bool:
     return all(map(math.isfinite, diagonal)) and a > 0.0 and c <= (a + b) * (1.0 + tolerance)
 
 
-def filled_mesh(path: Path) -> Filled:
-    """Returns the mass properties of the solid that a mesh file bounds, its density uniform.
-
-    Raises:
-        ValueError: no such file, no mesh in it, or a surface that is not closed.
-    """
-    import trimesh
-
-    if not path.is_file():
-        raise ValueError(f"{path.name}: no such file in {path.parent}")
-    try:
-        mesh = trimesh.load_mesh(path)
-    except Exception as error:
-        raise ValueError(f"{path.name}: no mesh that trimesh reads ({error})") from None
-    if not getattr(mesh, "is_watertight", False) or mesh.volume <= 0.0:
-        raise ValueError(
-            f"{path.name}: not closed with outward normals, so it has no volume to spread a mass "
-            "over; close it"
-        )
-    tensor = mesh.moment_inertia / mesh.volume
-    six = (*tensor.diagonal(), tensor[0, 1], tensor[0, 2], tensor[1, 2])
-    low, high = mesh.bounds
-    return Filled(
-        _digits(mesh.center_mass), _digits(six), _digits(high - low), _digits(0.5 * (high + low))
-    )
-
-
-def _digits(values: object) -> Any:
-    """Returns floats of twelve digits: the last bits differ between machines."""
-    return tuple(float(f"{x:.12g}") + 0.0 for x in values)  # type: ignore[attr-defined]
+def principal(moments: Sequence[float]) -> Diagonal:
+    """Returns the principal moments of Ixx Iyy Izz, or of Ixx Iyy Izz Ixy Ixz Iyz [kg m²]."""
+    if len(moments) == 3:
+        return moments[0], moments[1], moments[2]
+    xx, yy, zz, xy, xz, yz = moments
+    low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return float(low), float(middle), float(high)

@@ -18,6 +18,7 @@ Positive = Annotated[Real, Field(gt=0)]
 NonNegative = Annotated[Real, Field(ge=0)]
 Fraction = Annotated[Real, Field(ge=0, le=1)]
 Diagonal = tuple[Positive, Positive, Positive]
+Moments = tuple[Positive, Positive, Positive, Real, Real, Real]
 Vector = tuple[Real, Real, Real]
 
 

@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from snakegen import inertia
+from snakegen import inertia, payload_mesh
 from snakegen.errors import SpecError
 from snakegen.places import Part, spell_out, spread
 from snakegen.wheel_layout import wheel_layout
@@ -40,7 +41,13 @@ def resolve(spec: "RobotSpec") -> dict[str, Any]:
     if spec.caster is not None:
         out["caster"] |= _casters(spec.caster, n, spec.screw_drive)
     if spec.payload is not None:
-        out["payload"] |= _payload(spec.payload, n)
+        out["payload"] |= _payload(spec.payload, n, spec.folder)
+    for name, part in spec:
+        if isinstance(
+            part, Part
+        ):  # in the grammar's order, so that resolving again changes nothing
+            known = out[name]
+            out[name] = {k: known[k] for k in type(part).model_fields if k in known}
     return out
 
 
@@ -259,15 +266,29 @@ def _casters(part: "Caster", links: int, screws: "ScrewDrive | None") -> dict[st
     return out
 
 
-def _payload(part: "Payload", links: int) -> dict[str, Any]:
+def _payload(part: "Payload", links: int, folder: Path) -> dict[str, Any]:
+    """Spells out the payloads; a mesh gives what the spec leaves open, and moves to ``meshes/``."""
     places = spell_out(part.at, links, "payload.at")
     n = len(places)
     out = _lists(part, "payload", ("mass", "offset", "radius"), n, "payloads")
-    out["offset"] = [list(o) for o in out["offset"]]
-
-    def ball(i: int) -> inertia.Diagonal:
-        return inertia.sphere(out["mass"][i], out["radius"][i])
-
-    out["inertia"] = _inertias(part.inertia, n, "payload.inertia", "payloads", ball)
     out["at"] = [{"link": p.link, "position": p.position} for p in places]
+    com, solid = (0.0, 0.0, 0.0), None
+    if part.mesh is not None:
+        solid = payload_mesh.filled(payload_mesh.locate(part.mesh, folder))
+        com = solid.com
+        out["mesh"] = payload_mesh.target(part.mesh)
+        out["box_size"] = list(part.box_size or solid.box_size)
+        out["box_centre"] = list(part.box_centre or solid.box_centre)
+    coms = spread(part.com, n, "payload.com", "payloads")
+    out["com"] = [list(com if c is None else c) for c in coms]
+    out["offset"] = [list(o) for o in out["offset"]]
+    given = spread(part.inertia, n, "payload.inertia", "payloads")
+    out["inertia"] = []
+    for mass, radius, row in zip(out["mass"], out["radius"], given, strict=True):
+        if row is None:
+            ball = inertia.sphere(mass, radius)
+            row = ball if solid is None else [mass * x for x in solid.inertia]
+        if not inertia.obeys_triangle(inertia.principal(row)):
+            raise ValueError(f"payload.inertia: {list(row)} is no body's inertia")
+        out["inertia"].append([float(x) for x in row])
     return out

@@ -4,9 +4,11 @@ A quantity of a link, joint or apparatus may be one value or a list with an entr
 spells every list out and computes what was left open; the templates read nothing else.
 """
 
+from functools import cached_property
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from snakegen.errors import SpecError
 from snakegen.places import (
@@ -47,7 +49,8 @@ class Joint(Part):
     """What joins two links: one or two axes, with `gap` between the two."""
 
     axes: list[Axis] | list[list[Axis]] = Field(
-        default_factory=lambda: ["pitch", "yaw"], description="axes from root to tip; or a list of them per joint"
+        default_factory=lambda: ["pitch", "yaw"],
+        description="axes from root to tip; or a list of them per joint",
     )
     gap: NonNegative | list[NonNegative] = Field(0.0, description="m, first to second axis")
     mass: Positive | list[Positive] = Field(0.1, description="kg, the cross of a two-axis joint")
@@ -182,10 +185,17 @@ class RobotSpec(Part):
             raise ValueError(str(error).rstrip(".")) from None
         return data
 
+    @cached_property
+    def folder(self) -> Path:
+        """The folder that file names in the spec start from; no field, so no part of equality."""
+        return Path()
+
     @model_validator(mode="after")
-    def _consistent(self) -> "RobotSpec":
+    def _consistent(self, info: ValidationInfo) -> "RobotSpec":
         from snakegen.resolve import resolve
 
+        if info.context is not None:
+            self.__dict__["folder"] = Path(info.context["folder"])
         resolve(self)  # every list length, link number and inertia is checked where it is used
         return self
 

@@ -43,7 +43,7 @@ def load_spec(
     Raises:
         SpecError: one line that says what, where, and what would have worked.
     """
-    data, label = _raw(source)
+    data, label, folder = _raw(source)
     if links is not None:
         _put(data, ["chain", "links"], links, label)
     if apparatus is not None:
@@ -54,15 +54,21 @@ def load_spec(
             raise SpecError(f"--set '{item}': write path=value, as in chain.length=0.3.")
         value = yaml_file.parse(text, f"--set {path.strip()}")
         _put(data, path.strip().split("."), value, label)
-    return validate(data, label)
+    return validate(data, label, folder)
 
 
-def validate(data: Any, label: str) -> RobotSpec:
-    """Returns the checked spec; raises SpecError with the first mistake, named by its path."""
+def validate(data: Any, label: str, folder: Path = Path()) -> RobotSpec:
+    """Returns the checked spec; raises SpecError with the first mistake, named by its path.
+
+    Args:
+        data: plain data.
+        label: names the spec in errors.
+        folder: where the files that it names are looked for.
+    """
     if not isinstance(data, dict):
         raise SpecError(f"{label}: a spec is a mapping with 'name' and 'chain'.")
     try:
-        return RobotSpec.model_validate(data)
+        return RobotSpec.model_validate(data, context={"folder": folder})
     except ValidationError as error:
         raise SpecError(_explain(error, data, label)) from None
 
@@ -75,18 +81,27 @@ def schema() -> str:
 
 
 def save(spec: RobotSpec, path: Path) -> None:
-    """Writes `spec` as it was given (defaults left out) to a YAML file that loads back equal."""
+    """Writes `spec` as it was given (defaults left out) to a YAML file that loads back equal.
+
+    The mesh that it names goes along, unless a file of that name is there already.
+    """
     from snakegen.files import write_atomically
 
     data = spec.model_dump(mode="json", exclude_unset=True, exclude_none=True)
     write_atomically(path, yaml_file.dump(data))
+    if spec.payload is not None and spec.payload.mesh is not None:
+        copy = path.parent / spec.payload.mesh
+        if not copy.exists():
+            write_atomically(copy, (spec.folder / spec.payload.mesh).read_bytes())
 
 
-def _raw(source: Any) -> tuple[dict[str, Any], str]:
+def _raw(source: Any) -> tuple[dict[str, Any], str, Path]:
+    """Returns a spec's data, its name in errors, and the folder it stands in."""
     if isinstance(source, RobotSpec):
-        return source.model_dump(mode="json", exclude_unset=True, exclude_none=True), source.name
+        data = source.model_dump(mode="json", exclude_unset=True, exclude_none=True)
+        return data, source.name, source.folder
     if isinstance(source, Mapping):
-        return json.loads(json.dumps(dict(source))), str(source.get("name", "spec"))
+        return json.loads(json.dumps(dict(source))), str(source.get("name", "spec")), Path()
     known = presets()
     if str(source) in known:
         path = known[str(source)]
@@ -99,7 +114,7 @@ def _raw(source: Any) -> tuple[dict[str, Any], str]:
     data = yaml_file.read(path)
     if not isinstance(data, dict):
         raise SpecError(f"{path.name}: a spec is a mapping with 'name' and 'chain'.")
-    return data, path.name
+    return data, path.name, path.parent
 
 
 def _put(data: dict[str, Any], path: list[str], value: Any, label: str) -> None:

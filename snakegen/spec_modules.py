@@ -6,6 +6,7 @@ from pydantic import Field
 
 from snakegen.places import (
     Diagonal,
+    Moments,
     NonNegative,
     Part,
     Places,
@@ -145,10 +146,24 @@ class Caster(Part):
 
 
 class Payload(Part):
-    """Lumps fixed to links: spheres of `radius`."""
+    """Lumps fixed to links: spheres of `radius`, or solids that a mesh file bounds."""
 
     at: Places
     mass: Positive | list[Positive] = Field(description="kg each")
     offset: Vector | list[Vector] = Field((0.0, 0.0, 0.0), description="m, from the link's axis")
-    radius: Positive | list[Positive] = Field(0.03, description="m")
-    inertia: Diagonal | list[Diagonal] | None = None
+    radius: Positive | list[Positive] = Field(0.03, description="m, of the sphere")
+    mesh: str | None = Field(
+        None, description="binary STL or OBJ file, metres, in the spec's folder; for the sphere"
+    )
+    com: Vector | list[Vector] | None = Field(
+        None, description="m, centre of mass in the payload's axes; the mesh's, or 0, if absent"
+    )
+    inertia: Diagonal | Moments | list[Diagonal | Moments] | None = Field(
+        None,
+        description="kg m², Ixx Iyy Izz, or these with Ixy Ixz Iyz, about the centre of mass; "
+        "from the sphere or the mesh if absent",
+    )
+    box_size: Diagonal | None = Field(
+        None, description="m, the box that stands for the mesh in contacts; around it if absent"
+    )
+    box_centre: Vector | None = Field(None, description="m, of that box")
