@@ -94,8 +94,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except MemoryError:
         _fail("out of memory; a shorter chain would fit.", 1)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _silence_stdout()
         sys.exit(1)
+    except OSError as error:  # a full disk, a folder without permission: not a bug
+        if error.filename is not None:
+            _fail(f"{error.filename}: {error.strerror or error}.", 1)
+        _silence_stdout()
+        _fail(f"stdout cannot be written ({error.strerror or error}).", 1)
+
+
+def _silence_stdout() -> None:
+    """Sends what is left in stdout's buffer nowhere, so that leaving does not fail again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _fail(message: str, code: int) -> None:

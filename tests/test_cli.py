@@ -1,0 +1,239 @@
+"""The command line as people and programs meet it: exit codes, streams, JSON alone, examples."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from snakegen import __version__
+from snakegen.analysis import catalogue
+from snakegen.cli import cli, main
+from snakegen.spec_file import presets
+
+HEAVY = ("numpy", "scipy", "pinocchio", "mujoco", "numba", "pydantic", "rerun", "matplotlib")
+
+
+class Ran:
+    """What a run left: exit code, stdout and stderr."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Runs `snakegen …` in this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: str) -> Ran:
+        with pytest.raises(SystemExit) as caught:
+            main(arguments)
+        captured = capsys.readouterr()
+        return Ran(int(caught.value.code or 0), captured.out, captured.err)
+
+    return call
+
+
+def commands() -> list[list[str]]:
+    """Returns the words of every command and group that there is."""
+    found: list[list[str]] = []
+
+    def walk(command: click.Command, words: list[str]) -> None:
+        found.append(words)
+        if isinstance(command, click.Group):
+            context = click.Context(command)
+            for name in command.list_commands(context):
+                inner = command.get_command(context, name)
+                assert inner is not None, name
+                walk(inner, [*words, name])
+
+    walk(cli, [])
+    return found
+
+
+@pytest.mark.parametrize("words", commands(), ids=lambda w: " ".join(w) or "snakegen")
+def test_every_help_has_an_example(words: list[str]) -> None:
+    """`--help` of every command: a sentence, and an example that calls that very command."""
+    result = CliRunner().invoke(cli, [*words, "--help"], prog_name="snakegen")
+    assert result.exit_code == 0
+    assert "Example:" in result.output
+    example = result.output.split("Example:")[1]
+    assert f"snakegen {' '.join(words)}".strip() in example
+    assert "-h, --help" in result.output
+
+
+def test_help_is_light() -> None:
+    """`snakegen --help` and `analyze --help` import nothing heavy: they answer at once."""
+    for arguments in (["--help"], ["analyze", "--help"], ["build", "--help"]):
+        code = (
+            "import sys\nfrom snakegen.cli import main\n"
+            f"try:\n    main({arguments!r})\nexcept SystemExit: pass\n"
+            f"print('HEAVY', [m for m in {HEAVY!r} if m in sys.modules])"
+        )
+        ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert ran.stdout.strip().endswith("HEAVY []"), ran.stdout + ran.stderr
+
+
+def test_every_analysis_has_a_command_and_a_line() -> None:
+    """What stands in analysis/ is listed by `analyze --help` with its one line."""
+    text = CliRunner().invoke(cli, ["analyze", "--help"]).output
+    flat = " ".join(text.split())
+    for entry in catalogue().values():
+        assert entry.command in text
+        assert " ".join(entry.help.split())[:40] in flat
+
+
+def test_version_and_presets(run) -> None:
+    """Version, and one line a preset with its own words; as JSON too."""
+    assert __version__ in run("--version").out
+    shown = run("presets")
+    assert shown.code == 0 and shown.err == ""
+    assert [line.split()[0] for line in shown.out.splitlines()] == sorted(presets())
+    assert set(json.loads(run("presets", "--json").out)) == set(presets())
+    assert json.loads(run("schema").out)["type"] == "object"
+
+
+def test_build_and_save_spec(run, tmp_path: Path) -> None:
+    """Files on stdout, the gate's figure last; the saved spec builds the same robot."""
+    made = run("build", "dragon4", "--links", "3", "--no-picture", "--save-spec", "mine/three.yaml")
+    assert made.code == 0 and made.err == ""
+    lines = made.out.splitlines()
+    assert lines[0] == "generated/dragon4/dragon4.urdf"
+    assert all((tmp_path / line).is_file() for line in lines[:-1])
+    assert re.match(r"URDF and MJCF agree: worst error \d\.\de-\d\d", lines[-1])
+    assert run("build", "mine/three.yaml", "--no-picture", "-o", "again").code == 0
+    first, again = (tmp_path / d / "dragon4.urdf" for d in ("generated/dragon4", "again"))
+    assert first.read_bytes() == again.read_bytes()
+
+
+def test_json_is_json_alone(run) -> None:
+    """With --json, stdout parses; no NaN; remarks go to stderr."""
+    built = json.loads(run("build", "dragon4", "--no-picture", "--json").out)
+    assert built["equivalence"]["passed"] is True and Path(built["urdf"]).is_file()
+    page = run("analyze", "dragon4", "--joint", "joint1_yaw=0.8", "--json", "--report", "r/r.md")
+    data = json.loads(page.out, parse_constant=lambda word: pytest.fail(f"{word} in JSON"))
+    assert data["robot"] == "dragon4" and data["posture_rad"]["joint1_yaw"] == 0.8
+    assert data["mass"]["mass_kg"] == pytest.approx(8.0) and "r/r.md" in page.err
+    assert Path("r/r.md").read_text().startswith("# dragon4")
+    one = json.loads(run("analyze", "actuation", "dragon4", "--json").out)
+    assert one["analysis"] == "actuation"
+
+
+def test_report_is_the_default(run) -> None:
+    """`analyze ROBOT` is `analyze report ROBOT`; a URDF and a spec are read as a preset is."""
+    short = run("analyze", "grasper3")
+    assert short.code == 0 and short.out == run("analyze", "report", "grasper3").out
+    run("build", "grasper3", "--no-picture")
+    assert run("analyze", "generated/grasper3/grasper3.urdf").out == short.out
+    assert run("analyze", "generated/grasper3/grasper3.spec.yaml").out == short.out
+
+
+REFUSED = [
+    ("build dragn4", 1, "no preset and no file 'dragn4'. Did you mean 'dragon4'"),
+    ("build dragon4 --set chain.lnks=6", 1, "dragon4.yaml has no field 'chain.lnks'. Did you mean"),
+    ("build dragon4 --apparatus 9", 1, "link 9 does not exist; the chain has 1…4"),
+    ("build dragon4 --apparatus 1@1.5", 1, "'1@1.5' is off its link"),
+    ("build dragon4 --set vectoring_apparatus.thrust_min=99", 1, "is not below thrust_max"),
+    ("build body.urdf", 1, "is a URDF; this needs a preset or a spec file"),
+    ("build dragon4 -o /proc/x", 1, "/proc/x: cannot be written"),
+    ("build dragon4 --no-picture -o r --save-spec /proc/x.yaml", 1, "/proc/x.yaml: cannot be"),
+    ("build", 2, "Missing argument 'ROBOT'"),
+    ("build dragon4 --links many", 2, "'many' is not a valid integer"),
+    ("build dragon4 --lnks 3", 2, "No such option"),
+    ("anlyze dragon4", 2, "No such command 'anlyze'. Did you mean 'analyze'?"),
+    ("analyze sttics dragon4", 2, "Did you mean 'statics'?"),
+    ("analyze nothing.urdf", 1, "nothing.urdf: no such file"),
+    ("analyze nothing.yaml", 1, "nothing.yaml: no such file"),
+    ("analyze drgon4", 1, "Did you mean 'dragon4'"),
+    ("analyze dragon4 --joint joint1_ya=1", 1, "Did you mean 'joint1_yaw'"),
+    ("analyze dragon4 --joint joint1_yaw=9", 1, "is outside its limits -1.65 … 1.65"),
+    ("analyze dragon4 --joint joint1_yaw", 1, "write name=value, as in joint1_yaw=0.5"),
+    ("analyze dragon4 --joint joint1_yaw=x", 1, "write name=value, as in joint1_yaw=0.5"),
+    ("analyze dragon4 --base-rpy 1,2", 1, "write three angles"),
+    ("analyze dragon4 --base-rpy 1,2,x", 1, "base_rpy"),
+    ("analyze arm6 --base-rpy 0,0,1", 1, "fixed base"),
+    ("analyze dragon4 --posture none.yaml", 1, "none.yaml: no such file"),
+    ("analyze dragon4 --modules m.yaml", 1, "--modules goes with a URDF"),
+    ("analyze drive dragon4", 1, "'drive' does not apply to dragon4; it needs: "),
+    ("analyze actuation arm6", 1, "'actuation' does not apply to arm6; it needs: "),
+    ("analyze flight dragon4 --mission nope", 1, "there is no mission 'nope'. Known: "),
+    ("analyze flight dragon4 --mission hover --option x=1", 1, "has no option 'x'"),
+    ("analyze flight dragon4 --mission hover --duration -1", 1, "more than 0 is needed"),
+    ("analyze flight dragon4 --set chain.mass=5", 1, "too heavy to fly: 239.0 N of weight"),
+    ("analyze flight arm6 --mission hover", 1, "does not suit arm6; it needs"),
+    ("inspect none.rrd", 1, "none.rrd"),
+    ("inspect spec.yaml", 1, "is not a rerun log"),
+]
+
+
+@pytest.mark.parametrize(("line", "code", "expected"), REFUSED, ids=[r[0] for r in REFUSED])
+def test_refusals(line: str, code: int, expected: str, run, tmp_path: Path) -> None:
+    """A mistake is one line `Error: …` on stderr, exit 1 (2 for usage), and nothing on stdout."""
+    (tmp_path / "spec.yaml").write_text("name: x\n")
+    found = run(*line.split())
+    assert found.code == code
+    assert found.out == "" or "--save-spec" in line
+    last = found.err.splitlines()[-1]
+    assert last.startswith("Error: ") and expected in last
+    assert "Traceback" not in found.err
+    if code == 1:
+        assert len(found.err.splitlines()) == 1
+    assert not (tmp_path / "generated").exists()
+
+
+def test_too_heavy_is_said_with_a_number(run) -> None:
+    """Analysis of a robot that cannot hover goes on, and says by how much."""
+    found = run("analyze", "hover", "dragon4", "--set", "chain.mass=5")
+    assert found.code == 0
+    assert "238.96" in found.out and "0.54" in found.out
+
+
+def test_a_failed_check_exits_3(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A build whose gate fails exits 3, as any check that ran and failed."""
+    from snakegen import equivalence
+
+    monkeypatch.setattr(equivalence, "BOUND", 0.0)
+    found = run("build", "dragon4", "--no-picture")
+    assert found.code == 3 and found.out == ""
+    assert found.err.startswith("Error: dragon4: URDF and MJCF disagree by")
+
+
+def test_ctrl_c_and_a_closed_pipe(tmp_path: Path) -> None:
+    """Ctrl-C: one line, exit 130, the folder as it was; a reader that leaves: no traceback."""
+    command = [sys.executable, "-m", "snakegen", "build", "dragon4", "--links", "200"]
+    child = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    for _ in range(600):
+        if (tmp_path / "generated").is_dir() and any((tmp_path / "generated").iterdir()):
+            break
+        time.sleep(0.05)
+    child.send_signal(signal.SIGINT)
+    _, err = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert err.strip().splitlines()[-1] == "Error: interrupted; files are as they were."
+    assert list((tmp_path / "generated").iterdir()) == []
+    shell = f"{sys.executable} -m snakegen schema | head -n 1"
+    ran = subprocess.run(shell, shell=True, capture_output=True, text=True, cwd=tmp_path)
+    assert ran.stdout == "{\n" and "Traceback" not in ran.stderr
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full to write to")
+def test_stdout_on_a_full_disk(tmp_path: Path) -> None:
+    """Results that cannot be written are an error with its reason, not a traceback."""
+    with open("/dev/full", "w") as full:
+        ran = subprocess.run(
+            [sys.executable, "-m", "snakegen", "schema"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=tmp_path,
+        )
+    assert ran.returncode == 1
+    assert ran.stderr.strip() == "Error: stdout cannot be written (No space left on device)."
