@@ -140,7 +140,8 @@ def _write_mjcf(folder: Path, name: str, text: str, made: dict[str, Path]) -> An
     robot = from_urdf_text(text, None, checked=True)
     assets = {f"meshes/{p.name}": p.read_bytes() for p in made.values()}
     path = folder / f"{name}.xml"
-    write(decorate(text, robot.modules, assets), path)
+    full = decorate(text, robot.modules, assets, rollers=_bodily(robot.modules))
+    write(full, path)
     (folder / "scene.xml").write_text(scene(path.name, name), encoding="utf-8")
     try:
         model = load_model(path)
@@ -153,7 +154,15 @@ def _write_mjcf(folder: Path, name: str, text: str, made: dict[str, Path]) -> An
             f"{name}: URDF and MJCF disagree by {result.worst:.2e}, more than {BOUND:g} "
             f"({result.to_json()})."
         )
+    if _bodily(robot.modules) is not None:  # proven on the wheels; what is kept has the balls
+        write(decorate(text, robot.modules, assets), path)
     return result
+
+
+def _bodily(modules: Any) -> str | None:
+    """Returns the rollers of the full-body variant where a robot's own are in its MJCF alone."""
+    surrogate = any(screw.rollers == "ball" for screw in modules.screws)
+    return "ring_sphere" if surrogate else None
 
 
 def _write_picture(folder: Path, name: str, text: str, png: Path) -> str:

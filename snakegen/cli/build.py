@@ -10,7 +10,9 @@ from snakegen.cli.options import (
     override_options,
     print_json,
     robot_argument,
+    rollers_option,
     spec_of,
+    with_rollers,
 )
 
 
@@ -20,6 +22,7 @@ from snakegen.cli.options import (
     "-o", "--out", metavar="DIR", type=click.Path(), help="Folder; generated/<robot> by default."
 )
 @override_options
+@rollers_option
 @click.option(
     "--save-spec", metavar="FILE", type=click.Path(), help="Also save the spec as overridden."
 )
@@ -35,6 +38,7 @@ def build(
     links: int | None,
     apparatus: str | None,
     overrides: tuple[str, ...],
+    rollers: str | None,
     save_spec: str | None,
     picture: bool,
     mesh_uri: str,
@@ -46,12 +50,13 @@ def build(
     Example:
       snakegen build dragon4
       snakegen build dragon4 --links 6 --apparatus 1,3,5@0.3 -o out/six --save-spec six.yaml
+      snakegen build screw4 --links 6 --rollers ring_sphere
       snakegen build dragon4 --set vectoring_apparatus.thrust_max=20
     """
     from snakegen.generate import build as run
     from snakegen.spec_file import save
 
-    spec = spec_of(robot, links, apparatus, overrides)
+    spec = spec_of(robot, links, apparatus, with_rollers(robot, rollers, overrides))
     made = run(spec, out, picture=picture, mesh_uri=mesh_uri)
     if save_spec:
         save(spec, Path(save_spec))

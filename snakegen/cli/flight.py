@@ -14,6 +14,8 @@ from snakegen.cli.options import (
     print_json,
     robot_argument,
     robot_of,
+    rollers_option,
+    with_rollers,
 )
 
 
@@ -32,6 +34,11 @@ from snakegen.cli.options import (
     help="Pseudo-inverse as printed, or least norm within limits.",
 )  # fmt: skip
 @click.option("--ideal", is_flag=True, help="Perfect sensors and rotors.")
+@click.option(
+    "--plant", type=click.Choice(["contact", "kinematic"]),
+    help="Drives: in contact (default), or with wheels that cannot slip.",
+)  # fmt: skip
+@rollers_option
 @override_options
 @modules_option
 @json_option
@@ -46,6 +53,8 @@ def flight(
     gains: str | None,
     allocator: str,
     ideal: bool,
+    plant: str | None,
+    rollers: str | None,
     links: int | None,
     apparatus: str | None,
     overrides: tuple[str, ...],
@@ -60,6 +69,7 @@ def flight(
     \b
     Example:
       snakegen analyze flight dragon4 --mission transform
+      snakegen analyze flight screw4 --mission lcrank --plant kinematic
       snakegen analyze flight dragon4 --mission hover --duration 5 --seed 3 --json
     """
     from snakegen.log import view, write
@@ -70,7 +80,9 @@ def flight(
         for name, text in missions().items():
             click.echo(f"{name:<12}{text}")
         return 0
-    machine = robot_of(robot, links, apparatus, overrides, modules)
+    machine = robot_of(robot, links, apparatus, with_rollers(robot, rollers, overrides), modules)
+    if plant is not None:
+        options = (*options, f"plant={plant}")
     chosen = mission_options(mission, machine, options, duration)
     with progress_bar(f"{machine.name} {mission}") as step:
         recording = run(

@@ -40,6 +40,11 @@ modules_option = click.option(
     help="Modules file (rotors, gimbals) for a URDF that snakegen did not write.",
 )  # fmt: skip
 
+rollers_option = click.option(
+    "--rollers", type=click.Choice(["helix_capsule", "ring_sphere", "ellipsoid", "ball"]),
+    help="How screw drums touch the ground; ball (one a drum) is for the MJCF alone.",
+)  # fmt: skip
+
 posture_options = chain(
     click.option("--posture", metavar="FILE", type=click.Path(), help="Posture file (YAML)."),
     click.option(
@@ -58,13 +63,26 @@ posture_options = chain(
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON alone on stdout.")
 
 
-def spec_of(robot: str, links: int | None, apparatus: str | None, overrides: tuple[str, ...]) -> Any:
+def spec_of(
+    robot: str, links: int | None, apparatus: str | None, overrides: tuple[str, ...]
+) -> Any:
     """Returns the RobotSpec of a preset or spec file with its overrides."""
     from snakegen.spec_file import load_spec
 
     if robot.endswith((".urdf", ".xml")):
         raise SpecError(f"{robot}: is a URDF; this needs a preset or a spec file (.yaml).")
     return load_spec(robot, links=links, apparatus=apparatus, overrides=overrides)
+
+
+def with_rollers(robot: str, rollers: str | None, overrides: tuple[str, ...]) -> tuple[str, ...]:
+    """Returns the overrides with the choice of --rollers among them."""
+    if rollers is None:
+        return overrides
+    if robot.endswith((".urdf", ".xml")):
+        raise SpecError("--rollers changes a spec; the wheels of a URDF stand where they stand.")
+    if spec_of(robot, None, None, overrides).screw_drive is None:
+        raise SpecError(f"{robot} has no 'screw_drive'; --rollers says how drums touch the ground.")
+    return (*overrides, f"screw_drive.rollers={rollers}")
 
 
 def robot_of(

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from snakegen.errors import LogError
+from snakegen.verify.drive_metrics import drive_metrics
 from snakegen.verify.recording import Recording
 
 Floats = NDArray[np.float64]
@@ -42,7 +43,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
     """
     start, end = _window(recording)
     out: dict[str, Any] = {"duration_s": float(end - start), "finite": _all_finite(recording)}
-    for part in (_tracking, _thrusts, _torques, _clearances, _minima, _energy):
+    for part in (_tracking, _thrusts, _torques, _clearances, _minima, _energy, drive_metrics):
         out.update(part(recording, start, end))
     out.update(_of_mission(recording))
     return {key: _plain(value) for key, value in out.items()}
@@ -266,7 +267,7 @@ def _worst(values: Floats, pick: Callable[[Floats], Any]) -> float | None:
 
 def _all_finite(recording: Recording) -> bool:
     may_be_undefined = {"wrench_margin", "force_margin", "torque_margin", "sigma_min"}
-    may_be_undefined |= {"disturbance_point", "obstacle_distance"}
+    may_be_undefined |= {"disturbance_point", "obstacle_distance", "contact_point"}
     return all(
         bool(np.all(np.isfinite(c.values)))
         for name, c in recording.channels.items()

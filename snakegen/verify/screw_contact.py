@@ -34,6 +34,7 @@ class ContactDrive:
     model: mujoco.MjModel
     units: int
     yaws: tuple[str, ...] | None = None  # names of the yaw joints; joint1_yaw … if absent
+    pitches: tuple[str, ...] = ()  # names of joints that `hold` sets
 
     def __post_init__(self) -> None:
         """Looks up screws, joints and the head; raises MissionError where one is missing."""
@@ -41,6 +42,7 @@ class ContactDrive:
         screws = [f"screw{i}" for i in range(1, self.units + 1)]
         self.screw_servo = _ids(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, screws)
         self.yaw_servo = _ids(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, yaws)
+        self.pitch_servo = _ids(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, self.pitches)
         joints = _ids(self.model, mujoco.mjtObj.mjOBJ_JOINT, yaws)
         gain, bias = self.model.actuator_gainprm, self.model.actuator_biasprm
         self.lead = -bias[self.yaw_servo, 2] / gain[self.yaw_servo, 0]
@@ -81,6 +83,10 @@ class ContactDrive:
         x, y, _ = self.data.site_xpos[self.head]
         return np.concatenate([[x, y, self.heading], self.data.qpos[self.yaw_q]])
 
+    def hold(self, pitches: ArrayLike) -> None:
+        """Sets the targets of the joints `pitches` [rad]; they hold at 0 otherwise."""
+        self.data.ctrl[self.pitch_servo] = pitches
+
     def step(self, u: ArrayLike, steps: int = 1) -> None:
         """Holds the input u (n + m - 1,) for a number of time steps."""
         u = np.asarray(u, float)
@@ -101,12 +107,15 @@ class UnitContacts:
     normal: Floats  # (n,) N
     cone_use: Floats  # (n,) largest tangential force over friction · normal force, 1: it slides
     slip: Floats  # (n,) m/s, load-weighted mean speed of the touching material over the ground
+    point: Floats  # (n, 3) m, load-weighted mean of the contacts, world; nan in the air
+    force: Floats  # (n, 3) N, of the ground on the drum, world
 
 
 def unit_contacts(drive: ContactDrive) -> UnitContacts:
     """Returns the forces, friction use and slip of each drum, as of the last step's start."""
     model, data = drive.model, drive.data
     normal, use, slip = (np.zeros(drive.units) for _ in range(3))
+    point, total = np.zeros((drive.units, 3)), np.zeros((drive.units, 3))
     force = np.zeros(6)
     for index in range(data.ncon):
         contact = data.contact[index]
@@ -119,12 +128,21 @@ def unit_contacts(drive: ContactDrive) -> UnitContacts:
             continue
         spin, velocity = data.cvel[body, :3], data.cvel[body, 3:]
         arm = contact.pos - data.subtree_com[model.body_rootid[body]]
-        across = contact.frame.reshape(3, 3)[1:] @ (velocity + np.cross(spin, arm))
+        frame = contact.frame.reshape(3, 3)
+        # a contact's frame points from its first geom to its second, which bears the force
+        on_second = model.geom_bodyid[contact.geom[1]] == body
+        total[unit] += (1.0 if on_second else -1.0) * (force[:3] @ frame)
+        point[unit] += force[0] * contact.pos
+        across = frame[1:] @ (velocity + np.cross(spin, arm))
         normal[unit] += force[0]
         slip[unit] += force[0] * math.hypot(*across)
         shared = math.hypot(force[1], force[2]) / (contact.friction[0] * force[0])
         use[unit] = max(use[unit], shared)
-    return UnitContacts(normal, use, np.divide(slip, normal, out=slip, where=normal > 0))
+    with np.errstate(invalid="ignore"):
+        point = point / np.where(normal > 0, normal, np.nan)[:, None]
+    return UnitContacts(
+        normal, use, np.divide(slip, normal, out=slip, where=normal > 0), point, total
+    )
 
 
 def mean_twist(before: Floats, after: Floats, duration: float) -> Floats:

@@ -1,0 +1,112 @@
+"""Plans of drives: a reference on the ground, the law that follows it, what lies in the way."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from snakegen.errors import MissionError
+from snakegen.geometry import Floats
+from snakegen.paths import FollowReference, Path, Reference, TimeLaw, path_length
+from snakegen.robot import Robot
+from snakegen.screw_motion import path_demand
+from snakegen.screw_robot import drive_geometry, yaw_joints
+from snakegen.verify.plan import Box
+
+GAIN = 0.5  # 1/s, HA's K
+
+COMMON: dict[str, list[Any]] = {
+    "plant": ["contact", "contact (MuJoCo, wheels that roll) or kinematic (wheels cannot slip)"],
+    "duration": [None, "s; the mission's own by default"],
+    "speed": [0.125, "m/s"],
+    "acceleration": [0.4, "m/s²; 0: at once, as printed"],
+    "gain": [GAIN, "1/s, K of HA eq 7"],
+    "feedback": [True, "false: feedforward alone"],
+}
+"""Options of every drive; a mission's OPTIONS name those it has, as literals."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrivePlan:
+    """What a drive is asked to do.
+
+    Attributes:
+        reference: w_d and ẇ_d over time.
+        start: w(0) (m + 2,).
+        duration: s.
+        gain: K [1/s], one or (m + 2,).
+        feedback: whether the state is fed back.
+        lift: pitch joint angles [rad] for the head's arc length [m] so far; None: all at 0.
+        obstacles: boxes on, over and beside the ground.
+        thresholds: of the verdict, over the defaults; None takes a check out.
+        events: (time, text).
+        facts: what the mission wants in the log, as JSON.
+    """
+
+    reference: Reference
+    start: Floats
+    duration: float
+    gain: float | tuple[float, ...] = GAIN
+    feedback: bool = True
+    lift: Callable[[float], Floats] | None = None
+    obstacles: tuple[Box, ...] = ()
+    thresholds: dict[str, dict[str, Any] | None] = field(default_factory=dict)
+    events: tuple[tuple[float, str], ...] = ()
+    facts: dict[str, Any] = field(default_factory=dict)
+
+
+def can_drive(robot: Robot) -> bool:
+    """Tells whether a robot is a drive: a floating base and two or more drums."""
+    return robot.floating and len(robot.modules.screws) >= 2
+
+
+def rates(robot: Robot) -> tuple[float, float]:
+    """Returns the largest screw rate and yaw joint rate [rad/s] by the URDF."""
+    model = robot.model
+
+    def least(names: list[str]) -> float:
+        limits = [model.upperVelocityLimit[model.joints[model.getJointId(n)].idx_v] for n in names]
+        return float(min(limits, default=math.inf))
+
+    return least([s.joint for s in robot.modules.screws]), least(list(yaw_joints(robot)))
+
+
+def time_law(length: float, speed: float, acceleration: float) -> TimeLaw:
+    """Returns a trapezoid of one stretch; an acceleration of 0 means at once."""
+    if not speed > 0 or acceleration < 0:
+        raise MissionError(
+            f"speed {speed:g} m/s and acceleration {acceleration:g} m/s²: more than 0 is needed "
+            "(0 acceleration: at once)."
+        )
+    return TimeLaw((length,), speed, acceleration or math.inf)
+
+
+def following(
+    robot: Robot,
+    path: Path,
+    speed: float,
+    acceleration: float,
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> FollowReference:
+    """Returns a robot's follow-the-leader reference along a path.
+
+    Raises:
+        AnalysisError: a path tighter than the joints allow, with the radius that can be followed.
+        MissionError: more speed than the motors have.
+    """
+    geometry = drive_geometry(robot)
+    names = yaw_joints(robot)
+    low, high, _ = robot.limits(names)
+    bend = float(np.minimum(-low, high).min(initial=math.inf))
+    law = time_law(path_length(path), speed, acceleration)
+    screw, joint = rates(robot)
+    demand = path_demand(geometry, path, speed, screw, joint, bend, 0.02)
+    if demand.fastest < speed:
+        raise MissionError(
+            f"{speed:g} m/s along this path takes screws of {demand.screw_rate:.2f} and joints of "
+            f"{demand.joint_rate:.2f} rad/s; the motors of {robot.name} allow "
+            f"{demand.fastest:.3f} m/s."
+        )
+    return FollowReference(tuple(path), geometry.lengths, law, start)
