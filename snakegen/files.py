@@ -25,6 +25,19 @@ def write_atomically(path: Path, content: str | bytes) -> None:
 
 
 @contextmanager
+def writing(target: Path) -> Iterator[None]:
+    """Turns what the system says while `target` is written into one clear line.
+
+    Raises:
+        SnakegenError: no permission, no space, a file in the way.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise SnakegenError(f"{target}: cannot be written ({_reason(error)}).") from None
+
+
+@contextmanager
 def folder_whole(target: Path) -> Iterator[Path]:
     """Yields an empty folder beside `target`; on success its files replace those of `target`.
 

@@ -1,6 +1,8 @@
 """The page that gathers every analysis of a robot in a posture: text, JSON, Markdown with plots."""
 
 import math
+import re
+import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -14,6 +16,8 @@ from snakegen.files import write_atomically
 from snakegen.geometry import Floats, rpy_from_rotation
 from snakegen.posture import angles_by_name
 from snakegen.robot import Robot
+
+_SHOWN = 8  # rows of an analysis on the one-screen page
 
 
 @dataclass(frozen=True)
@@ -76,44 +80,64 @@ def to_json(page: Page) -> dict[str, Any]:
 
 def text_table(title: str, rows: list[tuple[str, str]], width: int = 100) -> str:
     """Returns rows of (label, text) aligned under a title; long text wraps."""
-    import textwrap
-
     labels = max((len(label) for label, _ in rows), default=0) + 2
     lines = [title]
     for label, text in rows:
         room = max(width - labels - 2, 40)
-        wrapped = textwrap.wrap(text, room, subsequent_indent="  ") or [""]
+        wrapped = textwrap.wrap(tidy(text), room, subsequent_indent="  ") or [""]
         lines.append(f"  {label:<{labels}}{wrapped[0]}")
         lines += [" " * (labels + 2) + more for more in wrapped[1:]]
     return "\n".join(lines)
 
 
-def text_page(page: Page) -> str:
-    """Returns the page for a terminal."""
+def tidy(text: str) -> str:
+    """Returns `text` with what rounding leaves of zero written as zero: 4e-17, -0, -0.00."""
+    text = re.sub(r"(?<![\w.])-?\d(?:\.\d+)?e-(?:1[3-9]|[2-9]\d|\d{3})\b", "0", text)
+    sign = "+" if re.search(r"(?<![\w.])\+\d", text) else ""
+    return re.sub(r"(?<![\w.])-(0(?:\.0+)?)(?![\d.e])", rf"{sign}\1", text)
+
+
+def text_page(page: Page, width: int = 100) -> str:
+    """Returns the page for a terminal: an analysis with many rows shows the first ones."""
+    parts = [heading(page)]
+    for name, result in page.results.items():
+        rows = result.rows()
+        hidden = len(rows) - _SHOWN
+        if hidden > 1:
+            rows = [*rows[:_SHOWN], ("…", f"{hidden} more: snakegen analyze {name}")]
+        parts.append(text_table(name, rows, width))
+    return "\n".join(parts)
+
+
+def heading(page: Page) -> str:
+    """Returns the robot, its base and the joints that are not at 0, in one line."""
     robot = page.robot
-    bent = {n: a for n, a in angles_by_name(robot, page.q).items() if abs(a) > 1e-9}
+    bent = {n: a for n, a in angles_by_name(robot, page.q).items() if abs(a) > 5e-4}
     shown = ", ".join(f"{n} {a:+.3f}" for n, a in bent.items()) or "all joints at 0"
-    head = f"{robot.name}, {'floating' if robot.floating else 'fixed'} base; {shown}"
-    parts = [text_table(name, result.rows()) for name, result in page.results.items()]
-    return "\n".join([head, *parts])
+    return f"{robot.name}, {'floating' if robot.floating else 'fixed'} base; {shown}"
 
 
 def write_markdown(page: Page, path: Path) -> None:
-    """Writes the page as Markdown, its plots as PNG files beside it."""
+    """Writes the page as Markdown, its plots as PNG files beside it.
+
+    Raises:
+        SnakegenError: the folder cannot be made or written.
+    """
     from snakegen.report_plots import plots
 
-    robot = page.robot
-    lines = [f"# {robot.name}", ""]
-    lines += [f"snakegen {__version__}; URDF {robot.urdf_hash[:12]}; angles in rad.", ""]
-    lines += ["| joint | angle |", "|---|---|"]
-    lines += [f"| {n} | {a:+.4f} |" for n, a in angles_by_name(robot, page.q).items()]
+    robot, about = page.robot, catalogue()
+    lines = [f"# {robot.name}", "", f"{heading(page)} (rad).", ""]
+    lines += [f"snakegen {__version__}, URDF {robot.urdf_hash[:12]}."]
+    if (path.parent / f"{robot.name}.png").is_file():
+        lines += ["", f"![{robot.name}]({robot.name}.png)"]
     pictures = plots(page, path.parent, path.stem)
     for name, result in page.results.items():
-        lines += ["", f"## {name}", "", "| | |", "|---|---|"]
-        lines += [f"| {label} | {_cell(text)} |" for label, text in result.rows()]
-        lines += [f"\n![{p.stem}]({p.name})" for p in pictures.get(name, [])]
+        lines += ["", f"## {name}", "", about[name].help, "", "| | |", "|---|---|"]
+        lines += [f"| {_cell(label)} | {_cell(tidy(text))} |" for label, text in result.rows()]
+        for picture in pictures.get(name, []):
+            lines += ["", f"![{picture.stem.replace('_', ' ')}]({picture.name})"]
     write_atomically(path, "\n".join(lines) + "\n")
 
 
 def _cell(text: str) -> str:
-    return text.replace("|", "\\|")
+    return text.strip().replace("|", "\\|")

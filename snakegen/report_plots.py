@@ -1,43 +1,53 @@
 """The plots of a report, one function an analysis; an analysis without one has no picture."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from snakegen.files import writing
 
 if TYPE_CHECKING:
     from snakegen.report import Page
 
+_GRID = (25, 49)  # directions of a margin map: 7.5° apart
+
 
 def plots(page: "Page", folder: Path, stem: str) -> dict[str, list[Path]]:
-    """Draws what the results of `page` allow into `folder`; returns the files by command."""
-    from snakegen.picture import figure
-    from snakegen.plot_robot import draw_robot
+    """Draws what the results of `page` allow into `folder`; returns the files by command.
 
-    folder.mkdir(parents=True, exist_ok=True)
+    Raises:
+        SnakegenError: the folder cannot be made or written.
+    """
     drawn: dict[str, list[Path]] = {}
-    if "mass" in page.results:
-        path = folder / f"{stem}_posture.png"
-        draw_robot(path, **figure(page.robot, page.q))
-        drawn["mass"] = [path]
-    for command, draw in _DRAWERS.items():
-        if command in page.results:
-            path = folder / f"{stem}_{command}.png"
-            if draw(page.results[command], page, path):
-                drawn.setdefault(command, []).append(path)
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for command, drawers in _DRAWERS.items():
+            for name, draw in drawers.items():
+                path = folder / f"{stem}_{name}.png"
+                if command in page.results and draw(page.results[command], page, path):
+                    drawn.setdefault(command, []).append(path)
     return drawn
 
 
-def _actuation(result: Any, page: "Page", path: Path) -> bool:
-    from snakegen.plot import singular_value_chart
+def _posture(result: Any, page: "Page", path: Path) -> bool:
+    from snakegen.picture import figure
+    from snakegen.plot_robot import draw_robot
 
-    singular_value_chart(
-        path,
-        {f"Q {r.matrix}": r.singular_values for r in result.ranks},
-        tolerance=result.tolerance,
-    )
+    draw_robot(path, **figure(page.robot, page.q))
     return True
 
 
-def _hover(result: Any, page: "Page", path: Path) -> bool:
+def _singular_values(result: Any, page: "Page", path: Path) -> bool:
+    from snakegen.plot import singular_value_chart
+
+    sigma = {f"Q {r.matrix}": r.singular_values for r in result.ranks}
+    singular_value_chart(path, sigma, tolerance=result.tolerance)
+    return True
+
+
+def _thrusts(result: Any, page: "Page", path: Path) -> bool:
     from snakegen.plot import hover_thrust_chart
 
     robot = page.robot
@@ -46,4 +56,75 @@ def _hover(result: Any, page: "Page", path: Path) -> bool:
     return True
 
 
-_DRAWERS = {"actuation": _actuation, "hover": _hover}
+def _joint_torques(result: Any, page: "Page", path: Path) -> bool:
+    from snakegen.plot import joint_torque_chart
+
+    chain = set(page.robot.chain_joints)
+    kept = [
+        i
+        for i, name in enumerate(result.joints)
+        if name in chain and np.isfinite(result.limit[i]) and result.limit[i] > 0
+    ]
+    if not kept:
+        return False
+    names = [result.joints[i] for i in kept]
+    torque = np.where(np.abs(result.torque[kept]) < 1e-9, 0.0, result.torque[kept])
+    joint_torque_chart(path, torque, result.limit[kept], names)
+    return True
+
+
+def _margin_map(first: int, title: str, unit: str) -> Callable[[Any, "Page", Path], bool]:
+    """Returns a drawer of the reach in every direction of force (0) or torque (3), the rest held.
+
+    Gimbals free where there are any, else with the rotors as they stand.
+    """
+
+    def draw(result: Any, page: "Page", path: Path) -> bool:
+        from snakegen.analysis.allocation import allocation
+        from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
+        from snakegen.plot import margin_map, sphere_grid
+
+        robot = page.robot
+        a = allocation(robot, page.q)
+        scale: dict[str, Any] = {
+            "force_scale": robot.force_scale,
+            "torque_scale": robot.torque_scale,
+        }
+        margins: Any
+        if robot.gimbal_names:
+            limit = robot.gimbals.limit
+            margins = vectored_margins(a.thrust_points, limit, a.hover_wrench, **scale)
+        else:
+            low, high = robot.rotors.thrust_min, robot.rotors.thrust_max
+            margins = thrust_margins(a.dual, low, high, a.hover_wrench, **scale)
+        if not margins.feasible:
+            return False
+        twists = np.zeros((*_GRID, 6))
+        twists[..., first : first + 3] = sphere_grid(*_GRID)
+        reach = np.array([margins.directional(u) for u in twists.reshape(-1, 6)]).reshape(_GRID)
+        margin_map(path, reach, title=title, unit=unit)
+        return True
+
+    return draw
+
+
+def _motion(result: Any, page: "Page", path: Path) -> bool:
+    from snakegen.plot import time_series
+
+    curves = dict(zip(page.robot.chain_joints, result.torque.T, strict=False))
+    time_series(path, result.along.time, {"torque [N m]": curves}, title=result.name)
+    return True
+
+
+_Drawer = Callable[[Any, "Page", Path], bool]
+_DRAWERS: dict[str, dict[str, _Drawer]] = {
+    "mass": {"posture": _posture},
+    "actuation": {"singular_values": _singular_values},
+    "hover": {"hover_thrusts": _thrusts},
+    "margin": {
+        "force_margin": _margin_map(0, "force margin by direction, torque held", "N"),
+        "torque_margin": _margin_map(3, "torque margin by direction, force held", "N m"),
+    },
+    "statics": {"joint_torques": _joint_torques},
+    "motion": {"motion_torques": _motion},
+}

@@ -1,6 +1,7 @@
 """Options that several commands share, and reading a robot and a posture from them."""
 
 import json
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -132,7 +133,14 @@ def print_rows(title: str, rows: list[tuple[str, str]]) -> None:
     """Writes (label, text) rows under a title, aligned."""
     from snakegen.report import text_table
 
-    click.echo(text_table(title, rows))
+    click.echo(text_table(title, rows, width=page_width()))
+
+
+def page_width() -> int:
+    """Returns how wide a page may be: the terminal's width, or 100 where there is none."""
+    if not sys.stdout.isatty():
+        return 100
+    return min(max(shutil.get_terminal_size((100, 40)).columns, 80), 140)
 
 
 def note(message: str) -> None:

@@ -9,6 +9,7 @@ from snakegen.cli.options import (
     modules_option,
     note,
     override_options,
+    page_width,
     posture_of,
     posture_options,
     print_json,
@@ -57,4 +58,5 @@ def report(
     if as_json:
         print_json(to_json(page))
     else:
-        click.echo(text_page(page))
+        for line in text_page(page, width=page_width()).splitlines():
+            click.echo(line if line.startswith(" ") else click.style(line, bold=True))
