@@ -59,6 +59,7 @@ class ReachResult:
         lost: (3, k) unit directions in which the tip cannot move.
         reach: m, length of the stretched chain from its first joint: no point beyond it.
         started: distance [m] by which the path's first point was missed, 0 if reached.
+        path: (m, 3) m, the path asked for.
         track: what became of the path, None if its first point was missed.
         why: one sentence: complete, or where and why the path was lost.
     """
@@ -71,6 +72,7 @@ class ReachResult:
     lost: Floats
     reach: float
     started: float
+    path: Floats
     track: Track | None
     why: str
 
@@ -194,6 +196,7 @@ def analyze(
         np.asarray(u[:, rank:]),
         whole,
         missed if track is None else 0.0,
+        given,
         track,
         _why(given, first, whole, missed, held, track, loop.floor),
     )

@@ -17,16 +17,18 @@ class Friction:
         static: N m, at rest.
         sliding: N m, in motion.
         speed: rad/s, at which static friction has fallen to 1/e of its way to sliding.
+        creep: rad/s, below which a joint counts as at rest: there friction grows with the rate.
     """
 
     static: float = 0.0
     sliding: float = 0.0
     speed: float = 0.02
+    creep: float = 0.002
 
     def __post_init__(self) -> None:
-        """Checks the numbers: 0 ≤ sliding ≤ static, speed above 0."""
+        """Checks the numbers: 0 ≤ sliding ≤ static, speeds above 0."""
         good = np.all(np.isfinite([self.static, self.sliding, self.speed]))
-        if not (good and 0 <= self.sliding <= self.static and self.speed > 0):
+        if not (good and 0 <= self.sliding <= self.static and self.speed > 0 and self.creep > 0):
             raise AnalysisError(
                 f"friction {self.static:g},{self.sliding:g}: static and sliding friction [N m] "
                 "with 0 ≤ sliding ≤ static are needed."
@@ -46,8 +48,8 @@ class Friction:
         return np.asarray(self.sliding + (self.static - self.sliding) * fall)
 
     def torque(self, rate: Floats) -> Floats:
-        """Returns what the servo has to add to the law: ``F(q̇) sign q̇``, N m."""
-        return np.sign(rate) * self.bound(rate)
+        """Returns what the servo has to add to the law: ``F(q̇) tanh(q̇ / creep)``, N m."""
+        return np.tanh(np.asarray(rate) / self.creep) * self.bound(rate)
 
 
 def friction_of(given: Friction | ArrayLike | None) -> Friction:

@@ -14,11 +14,20 @@ from snakegen.verify.recording import Recording
 PAGES: tuple[tuple[str, tuple[str, ...]], ...] = (
     (
         "Tracking",
-        ("position error", "attitude error", "thrust", "joints", "margins", "scaled margins"),
+        (
+            *("position error", "attitude error", "thrust", "joints", "screws", "slip"),
+            *("margins", "scaled margins"),
+        ),
     ),
-    ("Actuators", ("gimbals", "gimbal torque", "joint torque", "screws", "power")),
-    ("Safety", ("clearance", "contact", "disturbance")),
-    ("State", ("position", "attitude", "velocity")),
+    (
+        "Actuators",
+        (
+            *("gimbals", "gimbal torque", "joint torque", "joint torque by the law"),
+            *("joint torque gap", "joint friction", "screw torque", "joint power", "power"),
+        ),
+    ),
+    ("Safety", ("clearance", "contact", "friction use", "disturbance")),
+    ("State", ("position", "attitude", "velocity", "state error")),
 )
 
 
@@ -58,7 +67,8 @@ def _world(recording: Recording, view: Scene) -> Any:
 
     away = np.array([-0.55, -1.0, 0.5])
     # far enough for the arrows of thrust, which stand out of the body
-    eye = view.center + 2.2 * view.radius * away / np.linalg.norm(away)
+    distance = (2.2 if view.rotors else 1.5) * view.radius
+    eye = view.center + distance * away / np.linalg.norm(away)
     title = " · ".join(
         str(recording.meta[k]) for k in ("robot", "mission", "mode") if recording.meta.get(k)
     )

@@ -86,7 +86,9 @@ def move(
         world: whose timestep is the spacing of `along`.
         along: the motion, at the world's steps.
         gravity: (3,) m/s².
-        friction: of every chain joint; MuJoCo's dry friction is set to its bound every step.
+        friction: of every chain joint, applied as a torque of its rate. (MuJoCo's own dry friction
+            is solved for before the servos' damping, and pushes where that alone, k_v Δt / I
+            above 1, would turn a joint round within the step: measured at 40 mrad/s.)
         lead: one of `LEADS`.
         progress: called with instants run and instants in all.
 
@@ -102,10 +104,10 @@ def move(
     law = along.torque()
     command = along.angles.copy()
     if lead != "none":
-        command += damping / stiffness * along.rates
+        # The step takes the damping at its end, so it is led by the speed that it should end with.
+        command += damping / stiffness * np.vstack([along.rates[1:], along.rates[-1:]])
     if lead == "law":
         command += law / stiffness
-    dry = np.array(model.dof_frictionloss[dof])  # the robot's own, if its spec has some
     data.qpos[at], data.qvel[dof] = along.angles[0], along.rates[0]
     count, wide = len(along.time), len(at)
     qpos = np.zeros((count, model.nq))
@@ -116,12 +118,13 @@ def move(
             speed = data.qvel[dof].copy()
             qpos[k], rates[k] = data.qpos, speed
             data.ctrl[servo] = command[k]
-            model.dof_frictionloss[dof] = dry + friction.bound(speed)
+            data.qfrc_applied[dof] = -friction.torque(speed) if friction.present else 0.0
             mujoco.mj_step(model, data)
             gained = data.qvel[dof] - speed
             bends[k] = gained / model.opt.timestep
             torque[k] = data.actuator_force[servo] - damping * gained
-            held[k], contacts[k] = data.qfrc_constraint[dof], data.ncon
+            held[k] = data.qfrc_applied[dof] + data.qfrc_constraint[dof]
+            contacts[k] = data.ncon
             if not np.abs(data.qvel).max() < _LOST:
                 stopped, ticks = f"diverged at {along.time[k]:.3f} s", k + 1
                 break
@@ -129,7 +132,6 @@ def move(
                 progress(k, count)
     except KeyboardInterrupt:
         stopped, ticks = f"interrupted at {along.time[k]:.2f} s", max(k, 1)
-    model.dof_frictionloss[dof] = dry
     inverse = inverse_dynamics(world, along, gravity)
     return Moved(
         ticks, qpos[:ticks], rates[:ticks], bends[:ticks], torque[:ticks], held[:ticks],

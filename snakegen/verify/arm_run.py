@@ -29,7 +29,7 @@ from snakegen.verify.verdict import verdict
 from snakegen.verify.world import World, make_world
 
 STEP = 0.001  # s, of the simulation and of the servos' commands
-LOGGED = 2  # steps a row of the log
+LOGGED = 0.002  # s, between rows of the log
 THRESHOLDS: dict[str, dict[str, Any]] = {
     "completed": {"equals": True},
     "finite": {"equals": True},
@@ -59,7 +59,7 @@ def run_arm(
     seed: int,
     options: Mapping[str, Any],
     tip: Tip | None = None,
-    tip_target: Floats | None = None,
+    tip_target: Callable[[Floats], Floats] | None = None,
     thresholds: Mapping[str, Any] | None = None,
     facts: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], Any] | None = None,
@@ -73,8 +73,8 @@ def run_arm(
         seed: kept in the log; nothing here is drawn by chance.
         options: of the mission: gravity, lead, friction and its own.
         tip: the point whose place is logged; the last link's end if absent.
-        tip_target: (T, 3) m, where it should be at every step, where that is not simply where the
-            motion asked for has it.
+        tip_target: (T,) s → (T, 3) m, where it should be, where that is not simply where the motion
+            asked for has it.
         thresholds: of the verdict, over the defaults; None takes a check out.
         facts: what the mission wants in the log, as JSON.
         progress: called with instants run and instants in all.
@@ -94,7 +94,7 @@ def run_arm(
     lead = str(options.get("lead", "law"))
     moved = move(world, along, gravity, friction=rub, lead=lead, progress=progress)
     made = _law_of(world, moved, gravity)
-    rows = np.arange(0, moved.ticks, LOGGED)
+    rows = np.arange(0, moved.ticks, round(LOGGED / STEP))
     end = find_tip(robot) if tip is None else tip
     channels = _channels(world, along, moved, made, end, tip_target, rows)
     meta = {
@@ -115,7 +115,7 @@ def run_arm(
         "planned_s": float(along.time[-1]),
         "facts": dict(facts or {}),
     }
-    recording = Recording(along.time[rows], channels, (), meta)
+    recording = Recording(along.time[rows], channels, (), meta, arm_report(channels))
     found = metrics(recording) | {"completed": not moved.stopped}
     # Friction holds joints back where they turn round: then only the motion made is comparable.
     bounds = THRESHOLDS | ({} if rub.present or lead != "law" else FOLLOWS) | dict(thresholds or {})
@@ -157,6 +157,19 @@ def arm_metrics(recording: Recording) -> dict[str, Any]:
     return out
 
 
+def arm_report(channels: Mapping[str, Channel]) -> str:
+    """Returns peaks of the servos' and the law's torques side by side, as Markdown."""
+    law, servo = (channels[n].values for n in ("joint_torque_law", "joint_torque"))
+    lines = ["| joint | law, peak N·m | servo, peak N·m | RMS N·m | apart, share of peak |"]
+    lines.append("|---|---|---|---|---|")
+    for j, name in enumerate(channels["joint_torque"].labels):
+        a, b = np.abs(law[:, j]).max(), np.abs(servo[:, j]).max()
+        gap = np.abs(servo[:, j] - law[:, j]).max() / max(a, 1e-12)
+        rms = float(np.sqrt(np.mean(servo[:, j] ** 2)))
+        lines.append(f"| {name} | {a:.4g} | {b:.4g} | {rms:.4g} | {100 * gap:.2g} % |")
+    return "\n".join(lines)
+
+
 def _near_turning(time: Floats, rate: Floats, span: float) -> Any:
     """Returns (T, k) booleans: within `span` s of a change of sign of a joint's rate."""
     turned = np.zeros(rate.shape, bool)
@@ -185,7 +198,7 @@ def _channels(
     moved: Moved,
     made: Floats,
     tip: Tip,
-    tip_target: Floats | None,
+    tip_target: Callable[[Floats], Floats] | None,
     rows: Any,
 ) -> dict[str, Channel]:
     """Returns what is logged, every `LOGGED`-th step."""
@@ -194,7 +207,7 @@ def _channels(
     asked = angles.copy()
     asked[:, world.chain] = along.angles[: moved.ticks]
     law = along.torque()[: moved.ticks]
-    goal = _tips(robot, asked[rows], tip) if tip_target is None else tip_target[rows]
+    goal = tip_target(along.time[rows]) if tip_target else _tips(robot, asked[rows], tip)
 
     def per_joint(name: str, values: Floats, **more: Any) -> Channel:
         return channel(name, values[rows], names, **more)
