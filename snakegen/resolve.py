@@ -246,8 +246,8 @@ def warnings(spec: "RobotSpec") -> tuple[str, ...]:
         out.append(f"screw_drive: {len(alpha)} drums leave a turn free in every shape; 3 hold it")
     if spec.screw_drive.rollers == "ball":
         out.append(
-            "screw_drive.rollers: a ball for each drum is in the MJCF alone; the URDF has its wheels, "
-            "and URDF and MJCF were compared with the wheels in both"
+            "screw_drive.rollers: a ball for each drum is in the MJCF alone; the URDF has the "
+            "wheels, and URDF and MJCF were compared with the wheels in both"
         )
     if spec.caster is None:
         out.append("no caster: a straight body stands on a line and rolls over; put one at 1@0")

@@ -42,7 +42,7 @@ def _check(alpha: float, radius: float, wheel_radius: float, blades: int, per_bl
     """Raises SpecError on a drum that cannot drive or cannot be built."""
     if abs(math.sin(alpha)) < 1e-6:
         raise SpecError(
-            f"helix angle {math.degrees(alpha):.4g}°: the screw drives nothing; HA uses ±45°."
+            f"helix angle {math.degrees(alpha) + 0.0:.4g}°: the screw drives nothing; HA uses ±45°."
         )
     if abs(math.cos(alpha)) < 1e-6:
         raise SpecError(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from snakegen.log import skeleton as sk
 from snakegen.log import style
+from snakegen.log.ground import log_ground
 from snakegen.log.scene import Scene, thrust_use
 from snakegen.verify.recording import Recording
 
@@ -33,6 +34,7 @@ def log_body(rec: Any, recording: Recording, view: Scene, mesh_folder: Path | No
         _log_thrusts(rec, recording, view, columns)
     _log_points(rec, recording, view, columns)
     _log_disturbance(rec, recording, view, columns)
+    log_ground(rec, recording, view, columns)
 
 
 def _log_robot(

@@ -15,9 +15,20 @@ from snakegen.verify.recording import Recording
 
 Floats = NDArray[np.float64]
 
-HIDDEN = ("configuration", "disturbance point", "attitude")  # groups that are no curves
+HIDDEN = (
+    "configuration",
+    "disturbance point",
+    "attitude",
+    "contact point",
+    "contact force",
+)  # groups that are no curves
 LIMIT = "limit"
-_COMMANDS = {"thrust_command": "thrust", "gimbal_command": "gimbals", "joint_command": "joints"}
+_COMMANDS = {
+    "thrust_command": "thrust",
+    "gimbal_command": "gimbals",
+    "joint_command": "joints",
+    "screw_rate_command": "screws",
+}
 
 
 class Series(NamedTuple):

@@ -31,6 +31,8 @@ LIMIT = (200, 50, 50)
 COG = (255, 255, 255)
 TARGET = (60, 230, 255)
 DISTURBANCE = (255, 70, 255)
+CONTACT = (255, 210, 60)
+OBSTACLE = (110, 116, 128)
 GROUND = (24, 27, 32)
 BARE_LINK = (150, 156, 166)  # links whose URDF names no colour
 
