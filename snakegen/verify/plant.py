@@ -19,8 +19,12 @@ AIR = 1.2  # kg/m³, of the power model
 
 @dataclass(frozen=True)
 class Imperfections:
-    """Standard deviations, rates and switches; names and units as in the spec's `plant`."""
+    """Standard deviations, rates and switches; names and units as in the spec's `plant`.
 
+    `thrust_scale` is what all rotors give of what they are asked; no spec sets it.
+    """
+
+    thrust_scale: float = 1.0
     thrust_mismatch: float = 0.03
     position_noise: float = 0.001
     attitude_bias: float = 0.00698
@@ -45,7 +49,7 @@ class Imperfections:
     @staticmethod
     def of(values: dict[str, Any]) -> "Imperfections":
         """Returns those of a `<plant>` element; absent ones are default."""
-        known = [f.name for f in fields(Imperfections)]
+        known = [f.name for f in fields(Imperfections) if f.name != "thrust_scale"]
         for name in values:
             if name not in known:
                 raise SpecError(f"plant has no field '{name}'.{near(name, known)}")
@@ -53,7 +57,7 @@ class Imperfections:
 
     def ideal(self) -> "Imperfections":
         """Returns perfect sensors and rotors in still vacuum, a battery that never empties."""
-        return replace(self, **{f.name: 0.0 for f in fields(self)})
+        return replace(self, **{f.name: 0.0 for f in fields(self)} | {"thrust_scale": 1.0})
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +93,7 @@ def draw(
     """Draws the noise of one run of `ticks` at `rate` Hz."""
     from snakegen.verify.wind import dryden, steady
 
-    factor = 1.0 + what.thrust_mismatch * rng.standard_normal(rotors)
+    factor = what.thrust_scale * (1.0 + what.thrust_mismatch * rng.standard_normal(rotors))
     bias = what.attitude_bias * rng.standard_normal(3)
     tilt = bias + what.attitude_noise * rng.standard_normal((ticks, 3))
     position = what.position_noise * rng.standard_normal((ticks, 3))

@@ -1,6 +1,7 @@
 """A verification run from end to end: mission → plan → flight → recording → verdict."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from snakegen.verify.postures import driven_joints, place
 from snakegen.verify.record import record
 from snakegen.verify.recording import Recording
 from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
-from snakegen.verify.world import make_world
+from snakegen.verify.world import World, make_world
 
 
 def run(
@@ -51,48 +52,118 @@ def run(
     if hasattr(module, "fly"):  # no aerial flight: the mission has a loop of its own
         given = dict(options or {})
         return module.fly(robot, seed=seed, ideal=ideal, options=given, progress=progress)
+    ready = prepare(robot, name, gains=gains, allocator=allocator, ideal=ideal, options=options)
+    world = make_world(robot, obstacles=ready.plan.obstacles)
+    return ready.flown(world, ready.imperfections, np.random.default_rng(seed), seed, progress)
+
+
+@dataclass(frozen=True, eq=False)
+class Ready:
+    """A mission that may start: everything about it but the world and chance.
+
+    Attributes:
+        robot, plan, controller, imperfections: what flies, where, how.
+        position_rate: Hz.
+        meta: of its recordings.
+    """
+
+    robot: Robot
+    plan: Plan
+    controller: Controller
+    imperfections: Imperfections
+    position_rate: float
+    meta: dict[str, Any]
+
+    def flown(
+        self,
+        world: World,
+        imperfections: Imperfections,
+        rng: np.random.Generator,
+        seed: int,
+        progress: Callable[[int, int], Any] | None = None,
+        *,
+        margins: bool = True,
+    ) -> Recording:
+        """Flies it in `world` with noise from `rng` and returns the judged recording.
+
+        Args:
+            world: of the robot, its masses or motors changed or not.
+            imperfections: of the plant.
+            rng: of noise and mismatch.
+            seed: what the log names as such.
+            progress: called with ticks flown and ticks in all.
+            margins: work out the margins along the run; they cost more than the rest of the log.
+        """
+        plan, count = self.plan, len(self.plan.time)
+        rate = 1.0 / float(plan.time[1] - plan.time[0]) if count > 1 else 200.0
+        sizes = (count, len(world.rotors), len(self.robot.joint_names))
+        noise = draw(imperfections, rng, *sizes, rate=rate)
+        flown = fly(
+            world,
+            plan,
+            self.controller,
+            noise,
+            imperfections,
+            position_rate=self.position_rate,
+            progress=None if progress is None else lambda k: progress(k, count),
+        )
+        window = plan.window or (0.0, float(plan.time[-1]))
+        meta = self.meta | {
+            "seed": seed,
+            "plant": vars(imperfections),
+            "stopped": flown.stopped,
+            "metrics_window_s": [window[0], min(window[1], float(plan.time[flown.ticks - 1]))],
+        }
+        recording = record(world, plan, self.controller, flown, meta, margins=margins)
+        return judge(recording, plan)
+
+
+def prepare(
+    robot: Robot,
+    name: str,
+    *,
+    gains: str | None = None,
+    allocator: str = "paper",
+    ideal: bool = False,
+    options: dict[str, Any] | None = None,
+) -> Ready:
+    """Returns mission `name` planned and checked; arguments and errors as in `run`."""
+    module = mission(name, robot)
+    if hasattr(module, "fly"):
+        raise MissionError(f"mission '{name}' has a loop of its own; only flights can be repeated.")
     chosen = gain_set(robot, gains)
     if hasattr(module, "gains"):
         chosen = module.gains(chosen)
     controller = flight_controller(robot, chosen, allocator=allocator)
     control = robot.modules.control
     rate = float(control.get("attitude_rate", 200.0))
-    position_rate = float(control.get("position_rate", 40.0))
     given = dict(options or {})
     if is_file(name):
         given["file"] = name
     plan: Plan = module.plan(robot, rate, **given)
     check_references(robot, plan)
     check_start(robot, controller, plan, force=bool(given.get("force")))
-    world = make_world(robot, obstacles=plan.obstacles)
     imperfections = Imperfections.of(robot.modules.plant)
-    if ideal:
-        imperfections = imperfections.ideal()
-    rng = np.random.default_rng(seed)
-    noise = draw(imperfections, rng, len(plan.time), len(world.rotors), len(robot.joint_names))
-    report = (lambda k: progress(k, len(plan.time))) if progress is not None else None
-    flown = fly(
-        world, plan, controller, noise, imperfections, position_rate=position_rate, progress=report
-    )
     modes = ("dual_rotor", "virtual_single_rotor")
-    window = plan.window or (0.0, float(plan.time[-1]))
     meta = {
         "mission": module.__name__.rsplit(".", 1)[-1],
         "options": {k: v for k, v in given.items() if v is not None},
-        "seed": seed,
         "mode": modes[controller.mode],
         "gains": gains or str(control.get("gains", "")),
         "allocator": allocator,
         "ideal": ideal,
-        "plant": vars(imperfections),
-        "stopped": flown.stopped,
         "planned_s": float(plan.time[-1]),
         "facts": plan.facts,
         "obstacles": [vars(b) for b in plan.obstacles],
-        "metrics_window_s": [window[0], min(window[1], float(plan.time[flown.ticks - 1]))],
     }
-    recording = record(world, plan, controller, flown, meta)
-    return judge(recording, plan)
+    return Ready(
+        robot,
+        plan,
+        controller,
+        imperfections.ideal() if ideal else imperfections,
+        float(control.get("position_rate", 40.0)),
+        meta,
+    )
 
 
 def judge(recording: Recording, plan: Plan) -> Recording:
