@@ -43,6 +43,11 @@ from snakegen.cli.options import (
 @modules_option
 @json_option
 @click.option("--open", "show", is_flag=True, help="Open the log in the viewer (127.0.0.1).")
+@click.option(
+    "--trials", type=click.IntRange(min=1), metavar="N",
+    help="Fly N times over uncertain mass, inertia, thrust, lag, delay, noise; log the worst.",
+)  # fmt: skip
+@click.option("--workers", type=click.IntRange(min=1), help="Threads for the trials.")
 def flight(
     robot: str,
     mission: str,
@@ -61,6 +66,8 @@ def flight(
     modules: str | None,
     as_json: bool,
     show: bool,
+    trials: int | None,
+    workers: int | None,
 ) -> int:
     """Fly ROBOT through a mission in MuJoCo, log it to rerun, and judge it.
 
@@ -71,7 +78,10 @@ def flight(
       snakegen analyze flight dragon4 --mission transform
       snakegen analyze flight screw4 --mission lcrank --plant kinematic
       snakegen analyze flight dragon4 --mission hover --duration 5 --seed 3 --json
+      snakegen analyze flight dragon4 --mission hover --trials 100
     """
+    from snakegen.cli.trials import fly_trials
+    from snakegen.files import check_writable
     from snakegen.log import view, write
     from snakegen.verify.missions import missions
     from snakegen.verify.run import run
@@ -84,20 +94,18 @@ def flight(
     if plant is not None:
         options = (*options, f"plant={plant}")
     chosen = mission_options(mission, machine, options, duration)
-    with progress_bar(f"{machine.name} {mission}") as step:
-        recording = run(
-            machine,
-            mission,
-            seed=seed,
-            gains=gains,
-            allocator=allocator,
-            ideal=ideal,
-            options=chosen,
-            progress=step,
-        )
     path = Path(out) if out else Path("generated") / machine.name / f"{mission}.rrd"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write(recording, path, mesh_folder=mesh_folder(machine, path))
+    meshes = mesh_folder(machine, path)
+    bar = progress_bar(f"{machine.name} {mission}")
+    how: dict[str, Any] = {"gains": gains, "allocator": allocator, "ideal": ideal}
+    how |= {"options": chosen, "seed": seed}
+    check_writable(path)
+    if trials is not None:
+        many: dict[str, Any] = {"progress": bar, "meshes": meshes}
+        return fly_trials(machine, mission, path, trials, workers, as_json, **many, **how)
+    with bar as step:
+        recording = run(machine, mission, progress=step, **how)
+    write(recording, path, mesh_folder=meshes)
     judged = recording.verdict
     passed = judged is not None and judged.passed
     if as_json:
@@ -140,14 +148,20 @@ def mission_options(
     return given
 
 
-def mesh_folder(robot: Any, log: Path) -> Path | None:
-    """Returns the folder from which the URDF's mesh paths start, if its meshes can be found."""
+def mesh_folder(robot: Any, log: Path) -> Path:
+    """Returns the folder from which the URDF's mesh paths start; makes the meshes if need be."""
     if robot.path is not None:
         return Path(robot.path).parent
     for folder in (log.parent, Path("generated") / robot.name):
         if (folder / "meshes").is_dir():
             return folder
-    return None
+    from tempfile import TemporaryDirectory
+
+    from snakegen.description.meshes import unit_meshes, write_meshes
+
+    made = Path(click.get_current_context().with_resource(TemporaryDirectory()))
+    write_meshes(made / "meshes", unit_meshes())
+    return made
 
 
 def result_json(recording: Any, path: Path) -> dict[str, Any]:

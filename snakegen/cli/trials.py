@@ -1,0 +1,66 @@
+"""`snakegen analyze flight … --trials N`: many flights, their survival, and a log of the worst."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from snakegen.cli.options import print_json
+
+_SHOWN = (
+    "position_rmse_m_norm",
+    "position_max_m",
+    "attitude_rmse_rad_norm",
+    "thrust_headroom",
+    "saturation_share",
+    "joint_torque_use",
+    "gimbal_torque_use",
+    "roll_moment_use",
+    "battery_used",
+    "energy_j",
+)
+
+
+def fly_trials(
+    machine: Any, mission: str, path: Path, count: int, workers: int | None, as_json: bool,
+    *, seed: int, progress: Any, meshes: Path | None, **how: Any,
+) -> int:  # fmt: skip
+    """Flies trials, logs the worst to `path`, prints the outcome; returns the exit code."""
+    from snakegen.log import write
+    from snakegen.verify.monte_carlo import fly_again, monte_carlo
+    from snakegen.verify.run import prepare
+
+    ready = prepare(machine, mission, **how)
+    with progress as step:
+        found = monte_carlo(ready, count, seed=seed, workers=workers, progress=step)
+    write(fly_again(ready, found.worst, seed=seed), path, mesh_folder=meshes)
+    out = {"robot": machine.name, "mission": mission, "seed": seed} | found.to_json()
+    passed = found.survival == 1.0
+    if as_json:
+        print_json(out | {"log": str(path), "passed": passed})
+    else:
+        for line in outcome_lines(out, path):
+            click.echo(line)
+    return 0 if passed else 3
+
+
+def outcome_lines(out: dict[str, Any], path: Path) -> list[str]:
+    """Returns what a person reads of `MonteCarlo.to_json`."""
+    low, high = out["survival_interval_95"]
+    lines = [
+        f"{out['survived']} of {out['trials']} flights survived: {100 * out['survival']:.1f} % "
+        f"(95 % interval {100 * low:.1f} … {100 * high:.1f} %); "
+        f"{out['passed_all_checks']} passed every check"
+    ]
+    if out["trials"] < out["trials_asked"]:
+        lines.append(f"interrupted: {out['trials_asked']} were asked for")
+    head = "".join(f"{f'{p}th':>12}" for p in out["percentiles_of"])
+    lines.append(f"  {'percentiles':<26}{head}")
+    for key in _SHOWN:
+        if key in out["percentiles"]:
+            numbers = "".join(f"{v:12.4g}" for v in out["percentiles"][key])
+            lines.append(f"  {key:<26}{numbers}")
+    worst = out["worst"]
+    drawn = ", ".join(f"{k} {v:.3g}" for k, v in worst["drawn"].items())
+    end = f", {worst['stopped']}" if worst["stopped"] else ""
+    return [*lines, f"worst: trial {worst['number']} ({drawn}){end}", f"log of the worst: {path}"]
