@@ -1,5 +1,6 @@
 """Writing files whole or not at all: beside the target, then renamed over it."""
 
+import errno
 import os
 import shutil
 import tempfile
@@ -35,6 +36,20 @@ def writing(target: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise SnakegenError(f"{target}: cannot be written ({_reason(error)}).") from None
+
+
+def check_writable(path: Path) -> None:
+    """Refuses a file that cannot be written before long work is done for it; makes its folder.
+
+    Raises:
+        SnakegenError: no permission, no space, a file in the way.
+    """
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "it is a folder")
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
 
 
 @contextmanager
