@@ -140,6 +140,8 @@ def prepare(
     given = dict(options or {})
     if is_file(name):
         given["file"] = name
+    if "allocator" in module.OPTIONS:
+        given["allocator"] = allocator
     plan: Plan = module.plan(robot, rate, **given)
     check_references(robot, plan)
     check_start(robot, controller, plan, force=bool(given.get("force")))
