@@ -4,8 +4,8 @@ Three or more cables a segment; those of far segments run through the near ones 
 The paper prints neither radius nor phase: both are parameters.
 """
 
-import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,13 @@ from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
-from snakegen.kernels.cables import Holes, back_substitute, balance, lengths_and_rates
-from snakegen.kernels.tree import Ints
+from snakegen.kernels.cables import back_substitute, balance, lengths_and_rates
+from snakegen.kinetostatics.cabled import HELD_ACCELERATION, HELD_DRIFT, Held, hold_in_mujoco
 from snakegen.kinetostatics.law import DOWN, Wrenches, finite, joint_torques
+from snakegen.kinetostatics.routing import Routing, route
 from snakegen.robot import Robot
+
+__all__ = ["CablesResult", "Routing", "analyze", "applies", "route"]
 
 COMMAND = "cables"
 ORDER = 75
@@ -30,27 +33,9 @@ OPTIONS = {
     "maximum": [1e9, "N, highest tension"],
     "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
     "gravity": ["0,0,-9.81", "m/s², world; 0,0,0 for none"],
+    "mjcf": [None, "MJCF to write: the cables as tendons with winches, in place of the servos"],
+    "stiffness": [50000.0, "N/m, of a cable with its winch, in that MJCF"],
 }
-_GROUP = re.compile(r"(joint\d+)_(?:pitch|yaw|roll)")
-
-
-@dataclass(frozen=True)
-class Routing:
-    """Where cables run.
-
-    Attributes:
-        holes: on flat arrays, for the kernels.
-        segments: (K,) joint names of each segment, base first.
-        columns: (K,) indices of each segment's cables.
-        names: (c,) ``cable2_3`` is the third cable of segment 2.
-        coupled: whether they run through the segments before.
-    """
-
-    holes: Holes
-    segments: tuple[tuple[str, ...], ...]
-    columns: tuple[Ints, ...]
-    names: tuple[str, ...]
-    coupled: bool
 
 
 @dataclass(frozen=True)
@@ -67,6 +52,7 @@ class CablesResult:
         shortage: (n,) N m, what they leave; all zero where the posture is held.
         method: ``back-substitution`` or, where that fails, ``all segments at once``.
         why: one sentence.
+        mjcf: the MJCF written, "" if none; `held`: what MuJoCo says of it.
     """
 
     names: tuple[str, ...]
@@ -78,6 +64,8 @@ class CablesResult:
     shortage: Floats
     method: str
     why: str
+    mjcf: str = ""
+    held: Held | None = None
 
     @property
     def feasible(self) -> bool:
@@ -91,7 +79,19 @@ class CablesResult:
         for name, t in zip(self.names, self.tension, strict=True):
             parts.setdefault(name.split("_")[0].replace("cable", "segment "), []).append(t)
         out += [(k, " ".join(f"{t:.4g}" for t in ts) + " N") for k, ts in parts.items()]
+        if self.held is not None:
+            out.append(("mjcf", f"{self.mjcf}: {len(self.names)} tendons, keyframe 'held'"))
+            out.append(("in MuJoCo", self._held_words(self.held)))
         return out
+
+    def _held_words(self, held: Held) -> str:
+        """Returns what became of the posture in MuJoCo."""
+        gap = max(abs(held.torque[n] - t) for n, t in zip(self.joints, self.torque, strict=True))
+        good = held.drift <= HELD_DRIFT and held.acceleration <= HELD_ACCELERATION
+        return (
+            f"{'held' if good else 'NOT held'}: torques {gap:.1e} N·m off, {held.drift:.1e} rad "
+            f"of drift in {held.seconds:g} s"
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data; keys carry units."""
@@ -104,66 +104,27 @@ class CablesResult:
             "torque_Nm": dict(zip(self.joints, self.torque.tolist(), strict=True)),
             "shortage_Nm": dict(zip(self.joints, self.shortage.tolist(), strict=True)),
             "arms_m": self.arms.tolist(),
+        } | (
+            {}
+            if self.held is None
+            else {"mjcf": self.mjcf, "in_mujoco": self._held_json(self.held)}
+        )
+
+    def _held_json(self, held: Held) -> dict[str, Any]:
+        good = held.drift <= HELD_DRIFT and held.acceleration <= HELD_ACCELERATION
+        return {
+            "held": good,
+            "acceleration_max_rad_s2": held.acceleration,
+            "torque_Nm": held.torque,
+            "drift_max_rad": held.drift,
+            "seconds": held.seconds,
+            "tension_end_N": dict(zip(self.names, held.tension.tolist(), strict=True)),
         }
 
 
 def applies(robot: Robot) -> bool:
     """An arm: a chain on a fixed base."""
     return not robot.floating and len(robot.chain_joints) > 0
-
-
-def route(
-    robot: Robot,
-    *,
-    count: int = 3,
-    radius: float = 0.03,
-    phase: float = 0.0,
-    standoff: float = 0.02,
-    coupled: bool = True,
-) -> Routing:
-    """Returns `count` cables a segment, round the rod, with a hole on each side of every joint.
-
-    Cables of segment k stand 2π/(count·K) further round than those of the segment before, so that
-    no two share a hole.
-
-    Args:
-        robot: an arm whose rods lie along its links' x.
-        count: cables a segment, three or more: two cannot pull a joint of two axes both ways.
-        radius: m, of the circle of holes.
-        phase: rad, of the first hole from y towards z.
-        standoff: m, from a joint's centre to the holes on either side of it.
-        coupled: whether cables run through the segments before; else each starts at its own joint,
-            in a sheath up to there.
-
-    Raises:
-        AnalysisError: fewer than three cables, sizes that are not positive, no chain joint.
-    """
-    if isinstance(count, bool) or not isinstance(count, int) or count < 3:
-        raise AnalysisError(f"count = {count}: three cables a segment or more are needed.")
-    if not (radius > 0 and standoff > 0 and np.isfinite([radius, standoff, phase]).all()):
-        raise AnalysisError("radius and standoff above 0 and a finite phase are needed.")
-    groups = _groups(robot)
-    if not groups:
-        raise AnalysisError(f"{robot.name} has no chain joint for a cable to bend.")
-    away = np.array([standoff, 0.0, 0.0])
-    tree, bodies, points, first = robot.tree, [], [], [0]
-    for k in range(len(groups)):
-        for c in range(count):
-            turn = phase + 2 * np.pi * (c / count + k / (count * len(groups)))
-            ring = radius * np.array([0.0, np.cos(turn), np.sin(turn)])
-            for group in groups[0 if coupled else k : k + 1]:
-                near, far = robot.body_of_joint(group[0]), robot.body_of_joint(group[-1])
-                bodies += [int(tree.parent[near]), far]
-                points += [tree.translation[near] - away + ring, away + ring]
-            first.append(len(bodies))
-    numbers = np.arange(count * len(groups)).reshape(len(groups), count)
-    return Routing(
-        Holes(np.array(first), np.array(bodies), np.array(points)),
-        groups,
-        tuple(numbers),
-        tuple(f"cable{k + 1}_{c + 1}" for k in range(len(groups)) for c in range(count)),
-        coupled,
-    )
 
 
 def analyze(
@@ -181,6 +142,8 @@ def analyze(
     phase: float = 0.0,
     standoff: float = 0.02,
     sheathed: bool = False,
+    mjcf: str | Path | None = None,
+    stiffness: float = 5e4,
 ) -> CablesResult:
     """Returns the least cable tensions that give the joints the torques that a posture needs.
 
@@ -192,9 +155,12 @@ def analyze(
         wrenches, gravity: as in `joint_torques`.
         minimum, maximum: N, tension limits.
         count, radius, phase, standoff, sheathed: as in `route`; sheathed is not coupled.
+        mjcf: file to write with the cables as tendons; MuJoCo is then asked whether they hold.
+        stiffness: N/m, of a cable with its winch, in that file.
 
     Raises:
-        AnalysisError: not an arm, wrong shapes, NaN, minimum above maximum.
+        AnalysisError: not an arm, wrong shapes, NaN, minimum above maximum; an MJCF asked for
+            where the cables do not hold the posture, or for loads that it does not have.
     """
     if not applies(robot):
         raise AnalysisError(f"{robot.name} is not an arm on a fixed base: cables are for those.")
@@ -229,19 +195,21 @@ def analyze(
         together, left = balance(arms, wanted, minimum, maximum)
         if np.sum(np.abs(left)) < np.sum(np.abs(short)):
             t, short, method = together, left, "all segments at once"
-    return CablesResult(
+    result = CablesResult(
         routing.names, t, length, tuple(names), arms, wanted, short, method,
         _why(names, short, wanted, t, routing.names, maximum),
     )  # fmt: skip
-
-
-def _groups(robot: Robot) -> tuple[tuple[str, ...], ...]:
-    """Returns the chain joints, those of one universal joint together."""
-    groups: dict[str, list[str]] = {}
-    for name in robot.chain_joints:
-        match = _GROUP.fullmatch(name)
-        groups.setdefault(match[1] if match else name, []).append(name)
-    return tuple(tuple(g) for g in groups.values())
+    if mjcf is None:
+        return result
+    if wrenches or torque is not None:
+        raise AnalysisError("an MJCF has no loads of its own: ask for it without wrenches, torque.")
+    if not result.feasible:
+        raise AnalysisError(f"{robot.name}: {result.why}; no MJCF of that was written.")
+    held = hold_in_mujoco(
+        Path(mjcf), robot, q, routing, t, length, maximum, finite(gravity, (3,), "gravity"),
+        stiffness,
+    )  # fmt: skip
+    return replace(result, mjcf=str(mjcf), held=held)
 
 
 def _balanced(shortage: Floats, torque: Floats) -> bool:
