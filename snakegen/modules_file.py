@@ -6,9 +6,12 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from snakegen import yaml_file
 from snakegen.errors import DescriptionError, near
 from snakegen.modules import Apparatus, Modules, Rotor, Servo
+from snakegen.spec import Control, GainSet, Plant
 
 _ARMATURE = 0.005  # kg m², of a servo that the file says nothing about (assumed)
 
@@ -22,7 +25,11 @@ def from_file(path: Path, root: str) -> Modules:
     data = yaml_file.read(path)
     if not isinstance(data, dict):
         raise DescriptionError(f"{path.name}: write 'floating_root:' and 'apparatuses:'.")
-    _known(data, ("floating_root", "link_length", "apparatuses", "servos"), path.name)
+    _known(
+        data,
+        ("floating_root", "link_length", "apparatuses", "servos", "control", "plant"),
+        path.name,
+    )
     floating = data.get("floating_root")
     if floating is not None and floating != root:
         raise DescriptionError(
@@ -44,6 +51,7 @@ def from_file(path: Path, root: str) -> Modules:
             _listed_servo(s, f"{path.name}: servos[{i + 1}]")
             for i, s in enumerate(_listed(data, "servos", path.name))
         ),
+        **_flying(data, path.name),
     )
     named: dict[str, str] = {}
     for j, apparatus in enumerate(found.apparatuses):
@@ -55,6 +63,32 @@ def from_file(path: Path, root: str) -> Modules:
                 )
             named[str(name)] = here
     return found
+
+
+def _flying(data: dict[str, Any], name: str) -> dict[str, Any]:
+    """Returns control, gain sets and plant, said as a spec says them."""
+    out: dict[str, Any] = {}
+    try:
+        if data.get("control") is not None:
+            control = Control.model_validate(data["control"]).model_dump(mode="python")
+            sets = control.pop("gain_sets") if "gain_sets" in data["control"] else {}
+            control["gains"] = control["gains"] if sets else ""
+            out |= {"control": control, "gain_sets": sets}
+        if data.get("plant") is not None:
+            out["plant"] = Plant.model_validate(data["plant"]).model_dump(mode="python")
+    except ValidationError as error:
+        raise DescriptionError(f"{name}: {_first_mistake(error)}") from None
+    return out
+
+
+def _first_mistake(error: ValidationError) -> str:
+    first = error.errors()[0]
+    where = ".".join(str(k) for k in first["loc"])
+    if first["type"] == "extra_forbidden":
+        known = Control.model_fields | Plant.model_fields | GainSet.model_fields
+        return f"has no field '{where}'.{near(str(first['loc'][-1]), known)}"
+    what = first["msg"].removeprefix("Value error, ")
+    return f"'{where}': {what[0].lower()}{what[1:]}." if where else f"{what}."
 
 
 def _listed(data: dict[str, Any], key: str, place: str) -> list[Any]:
@@ -145,12 +179,13 @@ def with_servos(modules: Modules, urdf: str) -> Modules:
     A URDF does not say what drives a joint; one with limits is no bearing.
     """
     served = {s.joint for s in modules.servos}
-    gimbals = [n for a in modules.apparatuses for n in (a.roll, a.pitch) if n]
-    limited = [
+    gimbals = {n for a in modules.apparatuses for n in (a.roll, a.pitch)}
+    driven = [
         str(e.get("name"))
         for e in ET.fromstring(urdf).iterfind("joint")
-        if e.get("type") in ("revolute", "prismatic") and e.find("mimic") is None
+        if e.find("mimic") is None
+        and (e.get("type") in ("revolute", "prismatic") or e.get("name") in gimbals)
     ]
-    missing = [n for n in dict.fromkeys([*limited, *gimbals]) if n not in served]
+    missing = [name for name in driven if name not in served]
     added = tuple(Servo(n, armature=_ARMATURE) for n in missing)
     return replace(modules, servos=modules.servos + added)

@@ -113,6 +113,11 @@ def gimbals_of(robot: "Robot") -> Gimbals:
         roll_body[j] = robot.body_of_joint(a.roll) if a.roll else -1
         pitch_body[j] = robot.body_of_joint(a.pitch) if a.pitch else -1
         above = [b for b in (roll_body[j], pitch_body[j]) if b >= 0]
+        for joint, body in ((a.roll, roll_body[j]), (a.pitch, pitch_body[j])):
+            if body >= 0 and not _carries(robot.tree, int(body), int(thrust_body[j])):
+                raise DescriptionError(
+                    f"apparatus {j + 1}: joint '{joint}' does not turn its rotors {a.rotor_links}."
+                )
         base = int(robot.tree.parent[min(above)]) if above else int(thrust_body[j])
         link_body[j], frames[j] = base, np.eye(3)
         if a.link is not None:
@@ -120,6 +125,13 @@ def gimbals_of(robot: "Robot") -> Gimbals:
             if body == base:
                 frames[j] = turned
     return Gimbals(link_body, frames, roll_body, pitch_body, thrust_body, points, axes, limit)
+
+
+def _carries(tree: Tree, body: int, other: int) -> bool:
+    """Tells whether `other` is `body` or hangs on it."""
+    while other > body:
+        other = int(tree.parent[other])
+    return other == body
 
 
 def spinners_of(robot: "Robot") -> frozenset[int]:
