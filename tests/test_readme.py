@@ -1,0 +1,83 @@
+"""The README tells the truth: its commands run, its tables name what there is."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from snakegen.analysis import catalogue
+from snakegen.spec_file import presets
+from snakegen.verify.missions import missions
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMAND = re.compile(r"^\$ (snakegen .*?)(?:\s+# exit (\d))?$", re.M)
+
+
+def commands() -> list[tuple[str, int]]:
+    """Returns the commands of the console blocks, with the exit code each should have."""
+    blocks = re.findall(r"```console\n(.*?)```", README, re.S)
+    found = [pair for block in blocks for pair in COMMAND.findall(block)]
+    assert sum(block.count("$ ") for block in blocks) == len(found)
+    return [(line, int(code or 0)) for line, code in found]
+
+
+def table(first: str) -> set[str]:
+    """Returns the names in the first column of the table whose header begins with `first`."""
+    body = README.split(f"| {first}")[1].split("\n\n")[0]
+    return set(re.findall(r"^\| `([\w-]+)` \|", body, re.M))
+
+
+def test_every_command_runs(tmp_path: Path) -> None:
+    """In one empty folder, from the first to the last, each exits as the README says."""
+    found = commands()
+    assert len(found) >= 6
+    for line, expected in found:
+        shell = line.replace("snakegen", f"{shlex.quote(sys.executable)} -m snakegen", 1)
+        ran = subprocess.run(shell, shell=True, capture_output=True, text=True, cwd=tmp_path)
+        assert ran.returncode == expected, f"{line}\n{ran.stdout}{ran.stderr}"
+
+
+def test_the_refusal_is_the_printed_one(tmp_path: Path) -> None:
+    """The error that the README shows is the one that comes."""
+    shown = re.findall(r"^\$ (snakegen .*?)\s+# exit 1\n(Error: .*)$", README, re.M)
+    assert shown
+    for line, message in shown:
+        command = [sys.executable, "-m", *shlex.split(line)]
+        ran = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+        assert ran.stderr.strip() == message
+
+
+@pytest.mark.parametrize(
+    ("first", "names"),
+    [
+        ("preset |", lambda: set(presets())),
+        ("`snakegen analyze …`", lambda: {*catalogue(), "sweep", "flight"}),
+        ("`snakegen analyze flight …", lambda: set(missions())),
+    ],
+)
+def test_tables_are_complete(first: str, names) -> None:
+    """Presets, analyses and missions: all that there are, and none that there is not."""
+    assert table(first) == names()
+
+
+def test_links_and_pictures_exist() -> None:
+    """Every relative link of the README and of docs/ leads somewhere; pictures are small."""
+    for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
+        for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
+            if "://" not in target:
+                path = page.parent / target
+                assert path.exists(), f"{page.name}: {target}"
+                assert path.suffix != ".png" or path.stat().st_size < 300_000
+
+
+def test_the_python_example_runs() -> None:
+    """The block under "From Python" runs as it stands and prints two numbers and their bounds."""
+    code = re.search(r"```python\n(.*?)```", README, re.S)
+    assert code is not None
+    ran = subprocess.run([sys.executable, "-c", code.group(1)], capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    assert float(ran.stdout.split()[0]) > 1 and float(ran.stdout.split()[1]) > 1
