@@ -14,11 +14,13 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 
 from snakegen.errors import AnalysisError, near
 from snakegen.geometry import Floats
+from snakegen.memory import refuse_beyond
 from snakegen.robot import Robot
 
 Sampled = tuple[Floats, Floats, Floats]
 TABLE_3 = {"amplitude": 0.2, "period": 2.0}  # rad, s: 0.2 sin πt on every joint
 _CHECKED = 2000  # instants at which limits are looked at, at least
+_PER_SAMPLE = 4  # numbers that a joint has at an instant: time, angle, rate, acceleration
 _FINE = 1e-3  # s, between the nodes at which a function is sampled
 
 
@@ -42,10 +44,15 @@ class Motion:
         """Returns the instants (m,) [s] of `rate` samples a second, both ends included.
 
         Raises:
-            AnalysisError: a rate that is not positive.
+            AnalysisError: a rate that is not positive, or more samples than fit into memory.
         """
         if not rate > 0:
             raise AnalysisError(f"rate = {rate}: samples a second, above 0, are needed.")
+        count = self.duration * rate * len(self.joints)
+        remedy = "ask for fewer samples a second, or a shorter motion"
+        refuse_beyond(
+            8.0 * _PER_SAMPLE * count, f"{self.name} at {rate:g} samples a second", remedy
+        )
         return np.linspace(0.0, self.duration, max(round(self.duration * rate), 1) + 1)
 
 

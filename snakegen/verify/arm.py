@@ -105,7 +105,8 @@ def move(
     command = along.angles.copy()
     if lead != "none":
         # The step takes the damping at its end, so it is led by the speed that it should end with.
-        command += damping / stiffness * np.vstack([along.rates[1:], along.rates[-1:]])
+        last = along.rates[-1:] + model.opt.timestep * along.accelerations[-1:]
+        command += damping / stiffness * np.vstack([along.rates[1:], last])
     if lead == "law":
         command += law / stiffness
     data.qpos[at], data.qvel[dof] = along.angles[0], along.rates[0]

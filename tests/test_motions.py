@@ -1,0 +1,245 @@
+"""Motions of arms: sines, tables, limits, torques along them; MuJoCo's servos against the law."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from published_arms import SIGNS, TABLE_5
+
+import snakegen
+from snakegen.analysis import motion as analysis
+from snakegen.errors import AnalysisError, MissionError, SnakegenError
+from snakegen.kinetostatics import motion as motions
+from snakegen.kinetostatics.along import torques_along
+from snakegen.kinetostatics.friction import Friction, friction_of
+from snakegen.kinetostatics.law import joint_torques
+from snakegen.kinetostatics.motion_files import motion_of
+from snakegen.log import inspect, write
+from snakegen.verify import arm as arm_loop
+from snakegen.verify.run import run
+
+FREE = (0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return snakegen.load("arm6")
+
+
+@pytest.fixture(scope="module")
+def flown(arm):
+    return run(arm, "table3")
+
+
+def test_table_3_is_the_papers_and_gives_table_5_as_a_reconstruction(arm):
+    motion = motions.table3(arm)
+    t = np.array([0.0, 0.3, 1.7])
+    angle, rate, bend = motion.at(t)
+    np.testing.assert_allclose(angle, 0.2 * np.sin(np.pi * t)[:, None] * SIGNS, atol=1e-15)
+    np.testing.assert_allclose(rate, 0.2 * np.pi * np.cos(np.pi * t)[:, None] * SIGNS, atol=1e-15)
+    np.testing.assert_allclose(bend, -(np.pi**2) * angle, atol=1e-14)
+    relative = analysis.analyze(arm, np.zeros(12)).peak / TABLE_5 - 1
+    assert np.max(np.abs(relative[:10])) < 0.025
+    np.testing.assert_allclose(relative[10:], [0.11, 0.09], atol=0.01)
+
+
+def test_torques_along_equal_pinocchio_at_every_instant(arm):
+    motion = motions.waypoints(
+        arm, [0, 1, 2.5, 4], {"joint1_pitch": [0, 0.3, -0.2, 0], "joint4_yaw": [0.1, 0, 0.4, 0.2]}
+    )
+    time = motion.times(50)
+    wrench = np.array([1.0, -2.0, 3.0, 0.1, 0.2, -0.3])
+    along = torques_along(arm, np.zeros(12), motion, time, wrenches={"link5": wrench})
+    data = arm.model.createData()
+    frame = arm.model.getFrameId("link5", pin.FrameType.BODY)
+    for k in (0, 57, 123, 200):
+        q, v, a = along.angles[k], along.rates[k], along.accelerations[k]
+        tau = pin.rnea(arm.model, data, q, v, a)
+        around = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        pin.computeJointJacobians(arm.model, data, q)
+        pin.updateFramePlacements(arm.model, data)
+        tau -= pin.getFrameJacobian(arm.model, data, frame, around).T @ wrench
+        np.testing.assert_allclose(along.torque()[k], tau, atol=1e-11)
+        static = joint_torques(arm, q, wrenches={"link5": wrench}, terms="static")
+        np.testing.assert_allclose(along.torque("static")[k], static, atol=1e-11)
+
+
+def test_power_is_the_rate_of_energy(arm):
+    motion = motions.table3(arm, duration=0.7)
+    time = motion.times(2000)
+    along = torques_along(arm, np.zeros(12), motion, time)
+    work = np.trapezoid(along.power().sum(axis=1), time)
+    data = arm.model.createData()
+
+    def energy(k):
+        q, v = along.angles[k], along.rates[k]
+        return pin.computeKineticEnergy(arm.model, data, q, v) + pin.computePotentialEnergy(
+            arm.model, data, q
+        )
+
+    assert work == pytest.approx(energy(-1) - energy(0), rel=1e-5)
+    assert abs(work) > 0.1
+
+
+def test_functions_give_what_sines_give(arm):
+    signs = dict(zip(arm.chain_joints, SIGNS, strict=True))
+    f = {n: (lambda t, s=s: 0.2 * s * np.sin(np.pi * t)) for n, s in signs.items()}
+    ours, want = motions.functions(arm, f, 2.0), motions.table3(arm, duration=2.0)
+    t = np.linspace(0, 2, 777)
+    for a, b, slack in zip(ours.at(t), want.at(t), (1e-12, 1e-9, 1e-6), strict=True):
+        np.testing.assert_allclose(a, b, atol=slack)
+
+
+def test_waypoints_pass_through_and_rest(arm, tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_text("time,joint1_yaw,joint2_pitch\n1,0,0.1\n\n2,0.2,0.3\n4.5,-0.1,0.2\n")
+    start = np.full(12, 0.05)
+    motion = motion_of(arm, path, start=start)
+    assert motion.duration == 3.5
+    angle, rate, _ = motion.at(np.array([0.0, 1.0, 3.5]))
+    np.testing.assert_allclose(angle[:, 1], [0, 0.2, -0.1], atol=1e-12)
+    np.testing.assert_allclose(angle[:, 3], [0.1, 0.3, 0.2], atol=1e-12)
+    np.testing.assert_allclose(angle[:, 5], 0.05, atol=1e-12)
+    np.testing.assert_allclose(rate[[0, 2]], 0.0, atol=1e-12)
+    assert abs(rate[1, 1]) > 0.05
+    yaml = tmp_path / "m.yaml"
+    yaml.write_text("duration: 2\nsines: {joint1_yaw: {amplitude: 0.1, period: 4, offset: 0.2}}\n")
+    angle, _, _ = motion_of(arm, yaml).at(np.array([1.0]))
+    assert angle[0, 1] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("time,joint1_yaw\n0,0\n1,nan\n", r"m.csv, line 3: joint1_yaw is 'nan'"),
+        ("time,joint1_yaw\n0,0\n1,\n", r"line 3: joint1_yaw is ''"),
+        ("time,joint1_yaw\n0,0\n1\n", r"line 3: 1 entries for 2 columns"),
+        ("time,joint1_yow\n0,0\n1,0\n", r"no joint 'joint1_yow' to move. Did you mean"),
+        ("joint1_yaw\n0\n", r"first line must be time,joint1_pitch"),
+        ("time,joint1_yaw\n0,0\n0,0.1\n", r"rising times \(row 2\)"),
+        ("time,joint1_yaw\n0,0\n", r"two waypoints or more"),
+        ("time,joint1_yaw\n0,0\n5,0.9\n", r"goes to 0.9 rad at 5 s, outside its limits -0.7854"),
+        (
+            "time,joint1_yaw\n0,0\n0.3,0.5\n",
+            r"turns at 2.5 rad/s.*its servo does 1: take 2.5 times",
+        ),
+    ],
+)
+def test_faulty_tables_are_one_clear_line(arm, tmp_path, text, line):
+    path = tmp_path / "m.csv"
+    path.write_text(text)
+    with pytest.raises(AnalysisError, match=line) as caught:
+        motion_of(arm, path)
+    assert "\n" not in str(caught.value)
+
+
+def test_faulty_motions_of_other_kinds(arm, tmp_path):
+    path = tmp_path / "m.yaml"
+    for text, line in (
+        ("sines: {joint1_yaw: {amplitude: 0.1, period: 2}}", "need a 'duration'"),
+        ("duration: 2\nsines: {joint1_yaw: {amplitude: 0.1, perod: 2}}", "period .s. are needed"),
+        ("duration: 2\nsines: {joint1_yaw: {amplitude: .nan, period: 2}}", "no finite number"),
+        ("durations: 2", "Did you mean 'duration'"),
+        ("[1]", "is a mapping"),
+    ):
+        path.write_text(text)
+        with pytest.raises(SnakegenError, match=line):
+            motion_of(arm, path)
+    with pytest.raises(AnalysisError, match="no such file"):
+        motion_of(arm, "nowhere.csv")
+    with pytest.raises(AnalysisError, match="'table3', a CSV"):
+        motion_of(arm, "table4")
+    with pytest.raises(AnalysisError, match="static and sliding"):
+        friction_of("0.1,0.3")
+    with pytest.raises(AnalysisError, match=r"would take .* GB"):
+        analysis.analyze(arm, np.zeros(12), rate=1e9)
+    with pytest.raises(AnalysisError, match="fixed base"):
+        dragon = snakegen.load("dragon3")
+        analysis.analyze(dragon, dragon.configuration())
+
+
+def test_table_and_numbers_of_the_analysis(arm, tmp_path):
+    path = tmp_path / "out.csv"
+    result = analysis.analyze(arm, np.zeros(12), rate=100, friction="0.1,0.05", table=path)
+    head = path.read_text().splitlines()[0].split(",")
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    column = head.index("joint3_yaw_Nm")
+    np.testing.assert_allclose(np.abs(table[:, column]).max(), result.peak[5], rtol=1e-8)
+    bare = analysis.analyze(arm, np.zeros(12), rate=100)
+    added = result.torque - bare.torque
+    moving = np.abs(bare.along.rates) > 0.3
+    np.testing.assert_allclose(added[moving], 0.05 * np.sign(bare.along.rates[moving]), rtol=1e-6)
+    wave = np.sqrt(np.mean(bare.torque[:-1] ** 2, axis=0))  # whole periods: the mean of samples
+    np.testing.assert_allclose(bare.rms, wave, rtol=1e-3)
+    data = result.to_json()
+    assert data["peak_Nm"]["joint1_yaw"] == pytest.approx(result.peak[1])
+    assert data["rate_use"]["joint1_yaw"] == pytest.approx(0.2 * np.pi, rel=1e-3)
+
+
+def test_servos_and_inverse_dynamics_agree_with_the_law(flown):
+    m = flown.metrics
+    assert flown.verdict.passed
+    assert m["torque_gap_share"] < 0.01  # the bar of the comparison with ADAMS
+    assert m["inverse_gap_share"] < 1e-10
+    assert m["made_gap_share"] < 1e-9
+    peak = np.abs(flown.channel("joint_torque").values).max(axis=0)
+    assert np.max(np.abs(peak[:10] / TABLE_5[:10] - 1)) < 0.026
+    assert m["joint_torque_rms_n_m"][0] == pytest.approx(2.04, rel=0.01)
+
+
+def test_a_wrong_law_is_seen(arm, monkeypatch):
+    """The servos led by the law of the paper's eq 24 alone, or by one that is 5 % off."""
+    honest = arm_loop.Along.torque
+
+    def scaled(self, depth="full"):
+        return 1.05 * honest(self, depth)
+
+    monkeypatch.setattr(arm_loop.Along, "torque", scaled)
+    m = run(arm, "table3", options={"duration": 1.0}).metrics
+    assert m["torque_gap_share"] > 0.03
+    assert m["inverse_gap_share"] > 0.03
+    assert m["made_gap_share"] < 1e-9  # MuJoCo's motion is honest whatever leads it
+
+    monkeypatch.setattr(arm_loop.Along, "torque", lambda self: honest(self, "quasi_static"))
+    assert run(arm, "table3", options={"duration": 1.0}).metrics["torque_gap_share"] > 0.9
+
+
+def test_friction_is_a_switch_that_explains_the_gap(arm):
+    rec = run(arm, "table3", options={"duration": 2.0, "friction": "0.1,0.06"})
+    m, c = rec.metrics, rec.channels
+    assert m["made_gap_share"] < 1e-9  # servos + friction = the law of the motion made
+    rate, rub = c["joint_rate"].values, c["joint_friction"].values
+    assert np.all(rub * rate <= 0.0)  # it never pushes
+    moving = np.abs(rate) > 0.2
+    np.testing.assert_allclose(np.abs(rub[moving]), 0.06, rtol=1e-3)
+    # Static friction shows where a joint turns round, sliding friction at full speed as well.
+    assert 0.09 < m["friction_gap_turning_n_m"] < 0.15
+    assert 0.05 < m["friction_gap_moving_n_m"] < 0.09
+    assert Friction(0.1, 0.06).torque(np.array([0.4]))[0] == pytest.approx(0.06)
+
+
+def test_a_run_of_a_table_and_its_log(arm, tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_text("time,joint1_pitch,joint3_yaw\n0,0,0\n1,0.2,0.1\n2,-0.1,0.3\n")
+    rec = run(arm, "motion", options={"file": str(path)})
+    assert rec.verdict.passed, rec.verdict.summary()
+    log = write(rec, tmp_path / "m.rrd")
+    found = inspect(log)
+    assert found.differing == ()
+    assert found.metrics["torque_gap_share"] == rec.metrics["torque_gap_share"]
+    with pytest.raises(MissionError, match="needs a file"):
+        run(arm, "motion")
+    with pytest.raises(AnalysisError, match="outside its limits"):
+        run(arm, "table3", options={"amplitude": 0.8})
+    with pytest.raises(MissionError, match="needs an arm"):
+        run(snakegen.load("dragon3"), "table3")
+
+
+def test_the_tip_follows_its_path_in_mujoco(arm):
+    rec = run(arm, "tip_path", options={"duration": 4.0})
+    assert rec.verdict.passed, rec.verdict.summary()
+    assert rec.metrics["ik_error_max_m"] < 1e-4  # the bar: 50 mm circle within 0.1 mm
+    assert rec.metrics["position_max_m"] < 1e-4
+    path = rec.channel("position_target").values
+    assert np.linalg.norm(path - path[0], axis=1).max() == pytest.approx(0.1, rel=1e-3)
+    with pytest.raises(MissionError, match=r"missed by|is lost after"):
+        run(arm, "tip_path", options={"radius": 3.0, "duration": 2.0})
