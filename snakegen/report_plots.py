@@ -27,8 +27,18 @@ def plots(page: "Page", folder: Path, stem: str) -> dict[str, list[Path]]:
             for name, draw in drawers.items():
                 path = folder / f"{stem}_{name}.png"
                 if command in page.results and draw(page.results[command], page, path):
+                    _shrink(path)
                     drawn.setdefault(command, []).append(path)
     return drawn
+
+
+def _shrink(path: Path) -> None:
+    """Rewrites a PNG with a palette: a third of the bytes for charts and maps."""
+    from PIL import Image
+
+    with Image.open(path) as picture:
+        small = picture.convert("RGB").quantize(200, dither=Image.Dither.NONE)
+    small.save(path, optimize=True)
 
 
 def _posture(result: Any, page: "Page", path: Path) -> bool:
@@ -116,6 +126,20 @@ def _motion(result: Any, page: "Page", path: Path) -> bool:
     return True
 
 
+def _tip_polytopes(result: Any, page: "Page", path: Path) -> bool:
+    from snakegen.plot_tip import Set, tip_polytope_chart
+
+    load = result.tip_load
+    if load is None or not (len(load.corners) or len(load.torque_corners)):
+        return False
+    force = Set("force at the tip", "N", load.corners, load.force_radius, load.free)
+    torque = Set(
+        "torque at the tip", "N m", load.torque_corners, load.torque_radius, load.torque_free
+    )
+    tip_polytope_chart(path, [s for s in (force, torque) if len(s.corners)])
+    return True
+
+
 _Drawer = Callable[[Any, "Page", Path], bool]
 _DRAWERS: dict[str, dict[str, _Drawer]] = {
     "mass": {"posture": _posture},
@@ -125,6 +149,6 @@ _DRAWERS: dict[str, dict[str, _Drawer]] = {
         "force_margin": _margin_map(0, "force margin by direction, torque held", "N"),
         "torque_margin": _margin_map(3, "torque margin by direction, force held", "N m"),
     },
-    "statics": {"joint_torques": _joint_torques},
+    "statics": {"joint_torques": _joint_torques, "tip_polytopes": _tip_polytopes},
     "motion": {"motion_torques": _motion},
 }
