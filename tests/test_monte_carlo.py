@@ -80,7 +80,7 @@ def test_a_robot_that_falls_has_not_survived(ready):
     by_thrust = sorted(weak, key=lambda t: t.drawn["thrust"])
     assert [t.survived for t in by_thrust] == sorted(t.survived for t in weak)
     assert not by_thrust[0].survived, "too weak to hold its height"
-    assert found.survival == 1.0 - len(lost) / 6 and not found.trials[found.worst].survived
+    assert found.survival == (6 - len(lost)) / 6 and not found.trials[found.worst].survived
     assert found.interval == wilson(6 - len(lost), 6)
     still = monte_carlo(ready, 1, spread=Spread(0, 0, 0, 0, 0, 0)).trials[0].drawn
     assert still["lag"] == still["mass"] == still["thrust"] == 1.0
