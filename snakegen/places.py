@@ -3,7 +3,7 @@
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 
 def number(value: Any) -> Any:
@@ -13,10 +13,11 @@ def number(value: Any) -> Any:
     return value
 
 
-Real = Annotated[float, BeforeValidator(number), Field(allow_inf_nan=False)]
-Positive = Annotated[Real, Field(gt=0)]
-NonNegative = Annotated[Real, Field(ge=0)]
-Fraction = Annotated[Real, Field(ge=0, le=1)]
+# bounds stand before the check, or the JSON Schema does not know them
+Real = Annotated[float, Field(allow_inf_nan=False), BeforeValidator(number)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False), BeforeValidator(number)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False), BeforeValidator(number)]
+Fraction = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False), BeforeValidator(number)]
 Diagonal = tuple[Positive, Positive, Positive]
 Moments = tuple[Positive, Positive, Positive, Real, Real, Real]
 Vector = tuple[Real, Real, Real]
@@ -40,8 +41,10 @@ def spread(value: Any, count: int, place: str, what: str) -> list[Any]:
 class Place(Part):
     """Where a module stands: link (from 1) and relative position on it."""
 
-    link: Annotated[int, BeforeValidator(number), Field(ge=1)]
-    position: Fraction = 0.5
+    link: Annotated[int, Field(ge=1), BeforeValidator(number)] = Field(
+        description="number, from 1 at the root"
+    )
+    position: Fraction = Field(0.5, description="share of the link's length, 0 at its root end")
 
 
 _PLACE = re.compile(r"\s*(\d+)\s*(?:@\s*([0-9.eE+-]+)\s*)?")
@@ -78,7 +81,24 @@ def _places(value: Any) -> Any:
     return [place(v) for v in value] if isinstance(value, list) else value
 
 
-Places = Annotated[Literal["all"] | list[Place], BeforeValidator(_places)]
+_ONE_PLACE = {
+    "anyOf": [
+        {"type": "integer", "minimum": 1},
+        {"type": "string", "pattern": f"^{_PLACE.pattern}$"},
+        Place.model_json_schema(),
+    ]
+}
+_AS_WRITTEN = WithJsonSchema(
+    {
+        "anyOf": [
+            {"const": "all"},
+            {"type": "integer", "minimum": 1},
+            {"type": "string", "pattern": f"^{_PLACE.pattern}(,{_PLACE.pattern})*$"},
+            {"type": "array", "items": _ONE_PLACE, "minItems": 1},
+        ]
+    }
+)
+Places = Annotated[Literal["all"] | list[Place], BeforeValidator(_places), _AS_WRITTEN]
 
 
 def spell_out(at: Any, links: int, where: str) -> list[Place]:

@@ -32,7 +32,7 @@ Axis = Literal["roll", "pitch", "yaw"]
 class Chain(Part):
     """N links in a row; link frames stand at the root end with x along the rod."""
 
-    links: Annotated[int, BeforeValidator(number), Field(ge=1, le=MAX_LINKS)] = Field(
+    links: Annotated[int, Field(ge=1, le=MAX_LINKS), BeforeValidator(number)] = Field(
         description="number of links"
     )
     length: Positive | list[Positive] = Field(description="m, per link")
@@ -59,7 +59,7 @@ class Joint(Part):
     upper: Real | list[Real] = Field(1.5707963267948966, description="rad")
     effort: Positive | list[Positive] = Field(7.0, description="N m, servo limit")
     velocity: Positive | list[Positive] = Field(1.0, description="rad/s, servo limit")
-    servo: Servo = Servo()
+    servo: Servo = Field(Servo(), description="the servo of every axis")
 
     @field_validator("axes")
     @classmethod
@@ -80,12 +80,16 @@ class Joint(Part):
 class GainSet(Part):
     """Gains of eqs 15–19 (ZN23), per axis, and of eqs 23–28 for under-actuated models."""
 
-    force_p: Vector = (3.6, 3.6, 2.8)
-    force_i: Vector = (0.03, 0.03, 1.2)
-    force_d: Vector = (4.0, 4.0, 2.8)
-    torque_p: Vector = (15.0, 15.0, 10.0)
-    torque_i: Vector = (0.3, 0.3, 0.1)
-    torque_d: Vector = (5.0, 5.0, 5.0)
+    force_p: Vector = Field(
+        (3.6, 3.6, 2.8), description="1/s²: force per mass and metre of error; x, y, z"
+    )
+    force_i: Vector = Field((0.03, 0.03, 1.2), description="1/s³; x, y, z")
+    force_d: Vector = Field((4.0, 4.0, 2.8), description="1/s; x, y, z")
+    torque_p: Vector = Field(
+        (15.0, 15.0, 10.0), description="1/s²: torque per inertia and radian of error; x, y, z"
+    )
+    torque_i: Vector = Field((0.3, 0.3, 0.1), description="1/s³; x, y, z")
+    torque_d: Vector = Field((5.0, 5.0, 5.0), description="1/s; x, y, z")
     attitude_roll: Real = Field(1.0, description="k_φ")
     attitude_pitch: Real = Field(0.0, description="k_θ")
     vectoring_roll: Real | list[Real] = Field(1.0, description="k_φi, per apparatus")
@@ -95,7 +99,9 @@ class GainSet(Part):
 class Control(Part):
     """Which law flies the robot, with which gains."""
 
-    mode: Literal["virtual_single_rotor", "dual_rotor"] = "virtual_single_rotor"
+    mode: Literal["virtual_single_rotor", "dual_rotor"] = Field(
+        "virtual_single_rotor", description="both rotors of a pair alike, or each on its own"
+    )
     axes: Literal["auto", "root", "middle"] = Field(
         "auto", description="link whose axes the CoG frame has; auto: root up to 8 links"
     )
@@ -156,7 +162,7 @@ class Plant(Part):
     endurance: NonNegative = Field(
         180.0, description="s of hover in a full battery (ZN23: 3 minutes); 0: endless"
     )
-    voltage_sag: Annotated[NonNegative, Field(lt=1.0)] = Field(
+    voltage_sag: Annotated[float, Field(ge=0, lt=1), BeforeValidator(number)] = Field(
         0.1, description="share of voltage lost from full to empty (assumed); thrust goes as V²"
     )
 
@@ -164,17 +170,23 @@ class Plant(Part):
 class RobotSpec(Part):
     """One robot: a chain on a base, and what its links carry."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
+    name: str = Field(
+        pattern=r"^[A-Za-z][A-Za-z0-9_]*$",
+        max_length=64,
+        description="of robot and files: a letter, then letters, digits and _",
+    )
     about: str = Field("", description="one line for `snakegen presets`")
-    base: Literal["floating", "fixed"] = "floating"
-    chain: Chain
-    joint: Joint = Joint()
-    vectoring_apparatus: VectoringApparatus | None = None
-    screw_drive: ScrewDrive | None = None
-    caster: Caster | None = None
-    payload: Payload | None = None
-    control: Control = Control()
-    plant: Plant = Plant()
+    base: Literal["floating", "fixed"] = Field(
+        "floating", description="free, or link 1 bolted down"
+    )
+    chain: Chain = Field(description="the links")
+    joint: Joint = Field(Joint(), description="what joins two links")
+    vectoring_apparatus: VectoringApparatus | None = Field(None, description="rotors on gimbals")
+    screw_drive: ScrewDrive | None = Field(None, description="drums with passive wheels")
+    caster: Caster | None = Field(None, description="balls that hold the body upright")
+    payload: Payload | None = Field(None, description="lumps fixed to links")
+    control: Control = Field(Control(), description="which law flies the robot, and its gains")
+    plant: Plant = Field(Plant(), description="what is imperfect in the simulated robot")
 
     @model_validator(mode="before")
     @classmethod

@@ -30,7 +30,7 @@ class VectoringApparatus(Part):
     """Rotors behind a roll and a pitch gimbal (ZN23 Fig 2B), on any subset of links."""
 
     at: Places = Field("all", description='"all", or places: 1, "2@0.3", {link: 2, position: 0.8}')
-    rotors: Literal[1, 2] | list[Literal[1, 2]] = 2
+    rotors: Literal[1, 2] | list[Literal[1, 2]] = Field(2, description="1 or 2, per apparatus")
     separation: Positive | list[Positive] = Field(0.223, description="m, between the two rotors")
     offset: Real | list[Real] = Field(0.037, description="m, pitch axis above the roll axis")
     thrust_min: NonNegative | list[NonNegative] = Field(0.0, description="N a rotor")
@@ -43,11 +43,17 @@ class VectoringApparatus(Part):
     pitch_limit: Positive | list[Positive] = Field(3.14159265, description="rad, |θ|")
     effort: Positive | list[Positive] = Field(3.0, description="N m, both gimbal servos")
     velocity: Positive | list[Positive] = Field(12.5, description="rad/s, both gimbal servos")
-    servo: Servo = Servo(stiffness=100.0, damping=2.1, armature=0.005)
+    servo: Servo = Field(
+        Servo(stiffness=100.0, damping=2.1, armature=0.005), description="of both gimbals"
+    )
     roll_mass: Positive | list[Positive] = Field(0.46, description="kg, module on the roll axis")
-    roll_inertia: Diagonal | list[Diagonal] | None = None
+    roll_inertia: Diagonal | list[Diagonal] | None = Field(
+        None, description="kg m², Ixx Iyy Izz on the roll axis; of a box if absent"
+    )
     pitch_mass: Positive | list[Positive] = Field(0.53, description="kg, module with the rotors")
-    pitch_inertia: Diagonal | list[Diagonal] | None = None
+    pitch_inertia: Diagonal | list[Diagonal] | None = Field(
+        None, description="kg m², Ixx Iyy Izz on the pitch axis; of a box if absent"
+    )
     rotor_diameter: Positive | list[Positive] = Field(0.07, description="m")
     rotor_inertia: NonNegative | list[NonNegative] = Field(
         1.5e-5, description="kg m², of one spinning rotor about its axis (assumed)"
@@ -106,8 +112,8 @@ class ScrewDrive(Part):
     length: Positive | None = Field(
         None, description="m, of the drum; what its wheels need if absent"
     )
-    blades: int = Field(8, ge=1, le=64)
-    wheels_per_blade: int = Field(4, ge=1, le=64)
+    blades: int = Field(8, ge=1, le=64, description="of a drum")
+    wheels_per_blade: int = Field(4, ge=1, le=64, description="on each blade")
     wheel_radius: Positive = Field(0.012, description="m, across its axle (assumed)")
     rollers: Literal["helix_capsule", "ring_sphere", "ellipsoid", "ball"] = Field(
         "helix_capsule",
@@ -135,20 +141,24 @@ class ScrewDrive(Part):
 class Caster(Part):
     """Two frictionless balls side by side under a link: they carry what the drums cannot."""
 
-    at: Places = Field([{"link": 1, "position": 0.0}], validate_default=True)
+    at: Places = Field(
+        [{"link": 1, "position": 0.0}], validate_default=True, description="places; 1@0 if absent"
+    )
     drop: Positive | list[Positive] | None = Field(
         None, description="m, from the link's axis down to the ground; the drums' radius if absent"
     )
     track: Positive | list[Positive] = Field(0.12, description="m, between the balls (assumed)")
     radius: Positive | list[Positive] = Field(0.012, description="m, of a ball (assumed)")
     mass: Positive | list[Positive] = Field(0.05, description="kg (assumed)")
-    inertia: Diagonal | list[Diagonal] | None = None
+    inertia: Diagonal | list[Diagonal] | None = Field(
+        None, description="kg m², Ixx Iyy Izz; of the balls if absent"
+    )
 
 
 class Payload(Part):
     """Lumps fixed to links: spheres of `radius`, or solids that a mesh file bounds."""
 
-    at: Places
+    at: Places = Field(description='places: 1, "2@0.3", {link: 2, position: 0.8}')
     mass: Positive | list[Positive] = Field(description="kg each")
     offset: Vector | list[Vector] = Field((0.0, 0.0, 0.0), description="m, from the link's axis")
     radius: Positive | list[Positive] = Field(0.03, description="m, of the sphere")
