@@ -22,8 +22,8 @@ KINDS = {
 }
 KNOWN = {
     "$defs", "$ref", "$schema", "additionalProperties", "anyOf", "const", "default", "description",
-    "enum", "exclusiveMaximum", "exclusiveMinimum", "items", "maxItems", "maxLength", "maximum", "minItems", "minimum",
-    "pattern", "prefixItems", "properties", "required", "title", "type",
+    "enum", "exclusiveMaximum", "exclusiveMinimum", "items", "maxItems", "maxLength", "maximum",
+    "minItems", "minimum", "pattern", "prefixItems", "properties", "required", "title", "type",
 }  # fmt: skip
 
 
@@ -47,7 +47,7 @@ def faults(value: Any, rule: dict[str, Any], at: str = "") -> Iterator[str]:
     if isinstance(value, int | float) and not isinstance(value, bool):
         if value < rule.get("minimum", value) or value > rule.get("maximum", value):
             yield f"{at}: {value} is out of range"
-        if value <= rule.get("exclusiveMaximum", "exclusiveMinimum", value - 1):
+        if value <= rule.get("exclusiveMinimum", value - 1):
             yield f"{at}: {value} is too small"
     if isinstance(value, list):
         if not rule.get("minItems", 0) <= len(value) <= rule.get("maxItems", 10**9):
