@@ -247,11 +247,54 @@ def test_worst_posture_is_worse_than_random_ones(robots):
     assert np.max(np.abs(tau) / 40.0) == pytest.approx(found["use"], rel=1e-9)
 
 
+def test_tip_bears_any_wrench_of_the_radius_and_no_more(robots):
+    robot = robots["arm6"]
+    q = 0.3 * np.sin(np.arange(12.0))
+    load = analyze(robot, q).tip_load
+    pose = tip_pose(robot, q, find_tip(robot))
+    static = joint_torques(robot, q, terms="static")
+    units = np.random.default_rng(5).normal(size=(4000, 6))
+    units /= np.linalg.norm(units, axis=1)[:, None]
+    scale = np.r_[np.ones(3), np.full(3, load.lever)]
+    felt = np.abs(static - (load.wrench_radius * units * scale) @ pose.jacobian)
+    assert np.max(felt) <= 40.0 + 1e-9
+    joint = robot.joint_names.index(load.wrench_joint)
+    row = pose.jacobian[:, joint] * scale
+    worst = -np.sign(static[joint]) * row / np.linalg.norm(row)
+    reached = static - (load.wrench_radius * worst * scale) @ pose.jacobian
+    assert abs(reached[joint]) == pytest.approx(40.0, rel=1e-9)
+    # Every corner of both sets brings joints to their limits, and none beyond.
+    for corners, J in (
+        (load.corners, pose.jacobian[:3]),
+        (load.torque_corners, pose.jacobian[3:]),
+    ):
+        felt = np.abs(static - corners @ J)
+        assert np.all(felt <= 40.0 + 1e-6)
+        assert np.all(np.sum(felt > 40.0 - 1e-6, axis=1) >= 3)
+
+
+def test_tip_polytopes_are_drawn(robots, tmp_path):
+    from matplotlib.image import imread
+
+    from snakegen.plot_tip import Set, tip_polytope_chart
+
+    robot = robots["arm6"]
+    for k, q in enumerate((np.zeros(12), 0.3 * np.sin(np.arange(12.0)))):
+        load = analyze(robot, q).tip_load  # stretched out the sets are flat
+        one = Set("force", "N", load.corners, load.force_radius, load.free)
+        path = tip_polytope_chart(tmp_path / f"{k}.png", [one])
+        picture = imread(path)[..., :3]
+        blue = (picture[..., 2] > picture[..., 0] + 0.15).mean()
+        assert blue > 0.005
+        assert tip_polytope_chart(tmp_path / "again.png", [one]).read_bytes() == path.read_bytes()
+
+
 def test_rows_name_the_hardest_joint_first_and_text_options_read_as_numbers(robots):
     robot = robots["arm6"]
     result = analyze(robot, np.zeros(12), wrenches="link7=0,0,-20,0,0,0", gravity="0,0,0")
     rows = result.rows()
-    assert rows[1] == ("joint1_pitch", "-21.8 N·m of 40 (54.5 %)")  # 20 N at 5 x 0.218 m
+    joints = [row for row in rows if row[0].startswith("joint")]
+    assert joints[0] == ("joint1_pitch", "-21.8 N·m of 40 (54.5 %)")  # 20 N at 5 x 0.218 m
     assert ("no load", "7 joints") in rows  # the yaws, and joint 6 whose axis the force meets
     over = analyze(robot, np.zeros(12), wrenches="link7=0,0,-100,0,0,0")
     assert over.overloaded[0] == "joint1_pitch" and over.tip_load.payload == 0.0

@@ -87,26 +87,13 @@ class MotionResult:
         return self.torque * self.along.rates
 
     def rows(self) -> list[tuple[str, str]]:
-        """Returns (label, text) pairs for people: joint by joint, then the whole."""
+        """Returns (label, text) pairs for people: the whole, then joint by joint."""
         g = float(np.linalg.norm(self.gravity))
         what = "weightless" if g == 0 else f"gravity {g:.4g} m/s²"
         if self.friction.present:
             what += f", friction {self.friction.static:g} N·m static, {self.friction.sliding:g}"
         span = self.along.time[-1]
         out = [("motion", f"{self.name}, {span:.4g} s, {what}; torques {self.terms}")]
-        power = np.abs(self.power).max(axis=0)
-        for i in _hardest(self.peak / self.limit):
-            out.append(
-                (
-                    self.along.joints[i],
-                    f"{self.peak[i]:.4g} N·m at most ({100 * self.peak[i] / self.limit[i]:.3g} % of"
-                    f" its servo, at {self.peak_time[i]:.3g} s), {self.rms[i]:.4g} RMS, "
-                    f"{power[i]:.3g} W",
-                )
-            )
-        hidden = len(self.limit) - len(out) + 1
-        if hidden > 0:
-            out.append(("", f"and {hidden} joints with less"))
         shares = [f"{k} {100 * x:.3g} %" for k, x in self.share.items() if x > 0.0005]
         out.append(("consists of", ", ".join(shares) or "nothing: no load"))
         part = self.depth_peaks["quasi_static"].max() / max(self.depth_peaks["full"].max(), 1e-300)
@@ -121,6 +108,24 @@ class MotionResult:
             out.append(("overloaded", ", ".join(weak)))
         if self.table:
             out.append(("table", self.table))
+        return out + self._joint_rows()
+
+    def _joint_rows(self) -> list[tuple[str, str]]:
+        """Returns a row a joint, the hardest of many."""
+        out = []
+        power = np.abs(self.power).max(axis=0)
+        for i in _hardest(self.peak / self.limit):
+            out.append(
+                (
+                    self.along.joints[i],
+                    f"{self.peak[i]:.4g} N·m at most ({100 * self.peak[i] / self.limit[i]:.3g} % of"
+                    f" its servo, at {self.peak_time[i]:.3g} s), {self.rms[i]:.4g} RMS, "
+                    f"{power[i]:.3g} W",
+                )
+            )
+        hidden = len(self.limit) - len(out)
+        if hidden > 0:
+            out.append(("", f"and {hidden} joints with less"))
         return out
 
     def to_json(self) -> dict[str, Any]:

@@ -91,19 +91,10 @@ class StaticsResult:
         return tuple(n for n, u in zip(self.joints, self.use, strict=True) if u > 1.0)
 
     def rows(self) -> list[tuple[str, str]]:
-        """Returns (label, text) pairs for people: hardest joints first."""
+        """Returns (label, text) pairs for people: the whole, then the joints, hardest first."""
         by = {"base": "base held", "hover": "vectored thrust in hover", "thrust": "thrust as given"}
-        loaded = np.flatnonzero(self.use > 1e-9)
-        order = loaded[np.argsort(-self.use[loaded], kind="stable")]
-        out = [("support", by[self.support])]
-        for i in order[:_SHOWN]:
-            what = f"{self.torque[i]:+.4g} N·m of {self.limit[i]:.4g} ({100 * self.use[i]:.3g} %)"
-            out.append((self.joints[i], what))
-        if len(order) > _SHOWN:
-            out.append(("", f"and {len(order) - _SHOWN} joints with less"))
-        if len(order) < len(self.joints):
-            out.append(("no load", f"{len(self.joints) - len(order)} joints"))
         shares = [f"{k} {100 * x:.3g} %" for k, x in self.share.items() if x > 0]
+        out = [("support", by[self.support])]
         out.append(("consists of", ", ".join(shares) or "nothing: no load"))
         if self.overloaded:
             out.append(("overloaded", ", ".join(self.overloaded)))
@@ -113,19 +104,32 @@ class StaticsResult:
             angles = ", ".join(f"{k} {x:.2f}" for k, x in self.worst["posture"].items())
             use = f"{100 * self.worst['use']:.3g} % of {self.worst['joint']}"
             out.append(("worst posture", f"{use} at {angles}"))
+        return out + self._joint_rows()
+
+    def _joint_rows(self) -> list[tuple[str, str]]:
+        """Returns a row a joint, hardest first."""
+        loaded = np.flatnonzero(self.use > 1e-9)
+        order = loaded[np.argsort(-self.use[loaded], kind="stable")]
+        out = []
+        for i in order[:_SHOWN]:
+            what = f"{self.torque[i]:+.4g} N·m of {self.limit[i]:.4g} ({100 * self.use[i]:.3g} %)"
+            out.append((self.joints[i], what))
+        if len(order) > _SHOWN:
+            out.append(("", f"and {len(order) - _SHOWN} joints with less"))
+        if len(order) < len(self.joints):
+            out.append(("no load", f"{len(self.joints) - len(order)} joints"))
         return out
 
     def _tip_rows(self, load: TipLoad) -> list[tuple[str, str]]:
         """Returns the rows about the tip."""
         if load.payload == 0.0:
             return [("tip", f"on {self.tip[0]}: nothing more, a joint is overloaded already")]
-        every = f"{load.force_radius:.4g} N in every direction (limit: {load.force_joint})"
-        blind = "; a pull along " + " and ".join(
-            "[" + " ".join(f"{x + 0.0:.2f}" for x in u) + "]" for u in load.free.T
-        )
         sag = f"{1e3 * float(np.linalg.norm(load.sag)):.3g} mm by its servos"
+        any_wrench = f"{load.wrench_radius:.4g} N in every direction of [force; torque / "
         return [
-            ("tip bears", every + (f"{blind} loads no joint" if load.free.size else "")),
+            ("tip bears", _bears(load.force_radius, "N", load.force_joint, load.free)),
+            ("", _bears(load.torque_radius, "N·m", "", load.torque_free)),
+            ("  any wrench", f"{any_wrench}{load.lever:.3g} m] (limit: {load.wrench_joint})"),
             ("tip carries", "any weight" if np.isinf(load.payload) else f"{load.payload:.4g} kg"),
             ("tip gives way", sag),
         ]
@@ -236,6 +240,16 @@ def analyze(
     )
 
 
+def _bears(radius: float, unit: str, joint: str, free: Floats) -> str:
+    """Returns what the tip bears in every direction, and along what no joint feels a thing."""
+    out = f"{radius:.4g} {unit} in every direction" + (f" (limit: {joint})" if joint else "")
+    if np.isinf(radius):
+        return f"any {'force' if unit == 'N' else 'torque'}: no joint feels it"
+    signed = [u * np.sign(u[np.argmax(np.abs(u))]) for u in free.T]  # either sense is the same
+    along = " and ".join("[" + " ".join(f"{x + 0.0:.2f}" for x in u) + "]" for u in signed)
+    return out + (f"; along {along} no joint feels it" if along else "")
+
+
 def _use(torque: Floats, limit: Floats) -> Floats:
     """Returns |torque| / limit: inf for a torque against a limit of 0, 0 for none."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -262,9 +276,15 @@ def _tip_json(load: TipLoad) -> dict[str, Any]:
         "limiting_joint": load.force_joint,
         "worst_direction": load.force_direction.tolist(),
         "torque_every_direction_Nm": _plain(np.array([load.torque_radius]))[0],
+        "wrench_every_direction_N": _plain(np.array([load.wrench_radius]))[0],
+        "wrench_limiting_joint": load.wrench_joint,
+        "wrench_lever_m": load.lever,
         "force_along_N": dict(zip(directions, _plain(load.axes_force), strict=True)),
+        "torque_along_Nm": dict(zip(directions, _plain(load.axes_torque), strict=True)),
         "force_corners_N": load.corners.tolist(),
+        "torque_corners_Nm": load.torque_corners.tolist(),
         "unfelt_directions": load.free.T.tolist(),
+        "unfelt_torque_directions": load.torque_free.T.tolist(),
         "payload_kg": _plain(np.array([load.payload]))[0],
         "compliance": load.compliance.tolist(),
         "stiffness": load.stiffness.tolist(),

@@ -52,9 +52,15 @@ class TipLoad:
         force_joint: the joint that limits it.
         force_direction: (3,) the worst direction.
         torque_radius: N m, the same for pure torques.
+        wrench_radius: N, of wrenches [force; torque / lever] in **every** direction of the six.
+        wrench_joint: the joint that limits them.
+        lever: m, mean link length, against which torques count.
         axes_force: (6,) N along +x, -x, +y, -y, +z, -z of the world; inf where no joint feels it.
+        axes_torque: (6,) N m, the same for torques.
         corners: (c, 3) N, corners of the set of forces.
         free: (3, f) directions of force that load no joint.
+        torque_corners: (c, 3) N m, corners of the set of torques.
+        torque_free: (3, f) directions of torque that load no joint.
         payload: kg that can hang at the tip (0 where the posture alone is too much).
         compliance: (6, 6) m/N …, of the servos.
         stiffness: (6, 6) its pseudo-inverse.
@@ -65,9 +71,15 @@ class TipLoad:
     force_joint: str
     force_direction: Floats
     torque_radius: float
+    wrench_radius: float
+    wrench_joint: str
+    lever: float
     axes_force: Floats
+    axes_torque: Floats
     corners: Floats
     free: Floats
+    torque_corners: Floats
+    torque_free: Floats
     payload: float
     compliance: Floats
     stiffness: Floats
@@ -150,6 +162,9 @@ def tip_load(
     twist_radius = tip_polytope.inscribed(angular, torque, limit)[0]
     both = np.kron(np.eye(3), np.array([[1.0], [-1.0]]))
     points, free = tip_polytope.corners(linear, torque, limit)
+    twists, blind = tip_polytope.corners(angular, torque, limit)
+    lever = robot.link_length
+    whole, last, _ = tip_polytope.inscribed(np.vstack([linear, angular * lever]), torque, limit)
     pull = tip_polytope.capacity(linear, torque, limit, (u / np.linalg.norm(u))[None])[0]
     compliance, stiff = tip_polytope.stiffness(pose.jacobian, servo_stiffness(robot))
     return TipLoad(
@@ -157,9 +172,15 @@ def tip_load(
         robot.joint_names[joint] if joint >= 0 else "",
         worst,
         twist_radius,
+        whole,
+        robot.joint_names[last] if last >= 0 else "",
+        lever,
         tip_polytope.capacity(linear, torque, limit, both),
+        tip_polytope.capacity(angular, torque, limit, both),
         points,
         free,
+        twists,
+        blind,
         0.0 if np.isnan(pull) else float(pull) / GRAVITY,
         compliance,
         stiff,
