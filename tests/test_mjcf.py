@@ -165,6 +165,16 @@ def test_split_files_make_the_same_model(chain40, tmp_path, deepest):
         assert np.array_equal(getattr(whole, field), getattr(joined, field)), field
 
 
+def test_split_files_load_in_silence(chain40, tmp_path, monkeypatch, capfd):
+    for name, content in split(chain40.mjcf.read_text(), "robot.xml", 20).items():
+        (tmp_path / name).write_text(content)
+    (tmp_path / "meshes").symlink_to(chain40.mjcf.parent / "meshes")
+    monkeypatch.chdir(tmp_path)  # MuJoCo would leave its log in the current folder
+    load_model(tmp_path / "robot.xml")
+    assert capfd.readouterr() == ("", "")
+    assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
+
+
 def test_same_spec_gives_the_same_bytes(dragon4, tmp_path):
     again = snakegen.build("dragon4", tmp_path / "again", picture=False)
     for field in ("urdf", "mjcf", "scene", "spec"):

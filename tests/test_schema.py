@@ -49,6 +49,8 @@ def faults(value: Any, rule: dict[str, Any], at: str = "") -> Iterator[str]:
             yield f"{at}: {value} is out of range"
         if value <= rule.get("exclusiveMinimum", value - 1):
             yield f"{at}: {value} is too small"
+        if value >= rule.get("exclusiveMaximum", value + 1):
+            yield f"{at}: {value} is too large"
     if isinstance(value, list):
         if not rule.get("minItems", 0) <= len(value) <= rule.get("maxItems", 10**9):
             yield f"{at}: {len(value)} items"

@@ -1,6 +1,7 @@
 """MJCF on disk: bit-exact text, and deep chains split over files that MuJoCo can read back."""
 
 import re
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -38,8 +39,22 @@ def write(spec: mujoco.MjSpec, path: Path) -> None:
 
 
 def load_model(path: Path) -> mujoco.MjModel:
-    """Returns the compiled model of an MJCF file."""
-    return mujoco.MjModel.from_xml_path(str(path))
+    """Returns the compiled model of an MJCF file.
+
+    MuJoCo warns of every empty prefix, on stderr and in a log file in the current folder; here
+    the prefix is meant, and other warnings become Python's.
+    """
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_on_warning)
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _on_warning(message: str) -> None:
+    if "empty prefix" not in message:
+        warnings.warn(f"MuJoCo: {message}", RuntimeWarning, stacklevel=2)
 
 
 def split(text: str, name: str, deepest: int = DEEPEST) -> dict[str, str]:
