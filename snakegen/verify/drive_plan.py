@@ -9,7 +9,7 @@ import numpy as np
 
 from snakegen.errors import MissionError
 from snakegen.geometry import Floats
-from snakegen.paths import FollowReference, Path, Reference, TimeLaw, path_length
+from snakegen.paths import CrabReference, FollowReference, Path, Reference, TimeLaw, path_length
 from snakegen.robot import Robot
 from snakegen.screw_motion import path_demand
 from snakegen.screw_robot import drive_geometry, yaw_joints
@@ -39,6 +39,7 @@ class DrivePlan:
         gain: K [1/s], one or (m + 2,).
         feedback: whether the state is fed back.
         lift: pitch joint angles [rad] for the head's arc length [m] so far; None: all at 0.
+        compliance: pitch servos are softer by this factor, so that every drum finds the ground.
         obstacles: boxes on, over and beside the ground.
         thresholds: of the verdict, over the defaults; None takes a check out.
         events: (time, text).
@@ -51,6 +52,7 @@ class DrivePlan:
     gain: float | tuple[float, ...] = GAIN
     feedback: bool = True
     lift: Callable[[float], Floats] | None = None
+    compliance: float = 1.0
     obstacles: tuple[Box, ...] = ()
     thresholds: dict[str, dict[str, Any] | None] = field(default_factory=dict)
     events: tuple[tuple[float, str], ...] = ()
@@ -110,3 +112,22 @@ def following(
             f"{demand.fastest:.3f} m/s."
         )
     return FollowReference(tuple(path), geometry.lengths, law, start)
+
+
+def curled(
+    robot: Robot, distance: float, speed: float, acceleration: float, bend: float
+) -> CrabReference:
+    """Returns a line along x [m] travelled with every yaw joint at `bend` [rad], tail behind.
+
+    A straight body stands on a line, and only its caster keeps it from rolling over; a curled one
+    stands on a plane, whatever is lifted off the ground.
+    """
+    names = yaw_joints(robot)
+    low, high, _ = robot.limits(names)
+    if not (np.all(bend >= low) and np.all(bend <= high)):
+        raise MissionError(
+            f"bend {bend:g} rad is outside the yaw joints' limits {low.max():g} … {high.min():g}."
+        )
+    heading = math.pi - 0.5 * bend * len(names)
+    law = time_law(distance, speed, acceleration)
+    return CrabReference(((0.0, 0.0), (distance, 0.0)), (bend,) * len(names), law, heading)

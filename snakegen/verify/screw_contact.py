@@ -87,6 +87,11 @@ class ContactDrive:
         """Sets the targets of the joints `pitches` [rad]; they hold at 0 otherwise."""
         self.data.ctrl[self.pitch_servo] = pitches
 
+    def soften(self, factor: float) -> None:
+        """Makes the servos of the joints `pitches` softer by `factor`; their damping stays."""
+        self.model.actuator_gainprm[self.pitch_servo, 0] /= factor
+        self.model.actuator_biasprm[self.pitch_servo, 1] /= factor
+
     def step(self, u: ArrayLike, steps: int = 1) -> None:
         """Holds the input u (n + m - 1,) for a number of time steps."""
         u = np.asarray(u, float)

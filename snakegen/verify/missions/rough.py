@@ -1,0 +1,58 @@
+"""Drive over rough ground: tiles of random heights, drawn from the seed."""
+
+from typing import Any
+
+import numpy as np
+
+from snakegen.errors import MissionError
+from snakegen.robot import Robot
+from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, curled
+from snakegen.verify.drive_record import drive
+from snakegen.verify.ground import tiles
+from snakegen.verify.recording import Recording
+
+OPTIONS: dict[str, list[Any]] = {k: v for k, v in COMMON.items() if k != "plant"} | {
+    "height": [0.008, "m, of the highest tile"],
+    "size": [0.1, "m, of a tile"],
+    "length": [1.2, "m, of the rough stretch"],
+    "compliance": [10.0, "1; pitch servos are softer by this factor"],
+    "bend": [0.5, "rad, of every yaw joint: a curled body stands firmer"],
+}
+_AHEAD = 0.2  # m, from the head to the first tile
+_WIDE = 0.6  # m, of the rough stretch
+
+
+def applies(robot: Robot) -> bool:
+    """A floating base and two or more screw drums."""
+    return can_drive(robot)
+
+
+def fly(
+    robot: Robot, *, seed: int, ideal: bool, options: dict[str, Any], progress: Any
+) -> Recording:
+    """Drives a line over the tiles and returns the judged recording."""
+    o = {k: v[0] for k, v in OPTIONS.items()} | options
+    if not (o["height"] > 0 and o["size"] > 0 and o["length"] >= o["size"]):
+        raise MissionError("rough needs height, size and length above 0, length at least a tile.")
+    way = _AHEAD + o["length"]
+    reference = curled(robot, way, o["speed"], o["acceleration"], o["bend"])
+    ground = tiles(
+        (_AHEAD, _AHEAD + o["length"]), _WIDE, o["size"], o["height"], np.random.default_rng(seed)
+    )
+    plan = DrivePlan(
+        reference,
+        reference.at(0.0)[0],
+        o["duration"] or reference.duration + 1.0,
+        o["gain"],
+        o["feedback"],
+        compliance=o["compliance"],
+        obstacles=ground,
+        events=((0.0, f"{len(ground)} tiles up to {1e3 * o['height']:.0f} mm ahead"),),
+        facts={"tile_height_m": o["height"], "tile_size_m": o["size"]},
+        thresholds={
+            "distance_rmse_settled_m": {"at_most": 0.03, "if_measured": True},
+            "distance_end_m": {"at_most": 0.03},
+            "slip_mean_m_s": {"at_most": 0.05},
+        },
+    )
+    return drive(robot, "rough", plan, seed=seed, ideal=ideal, progress=progress)
