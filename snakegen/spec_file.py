@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from snakegen import yaml_file
+from snakegen import stretch, yaml_file
 from snakegen.errors import SpecError, near
 from snakegen.spec import RobotSpec
 
@@ -44,6 +44,7 @@ def load_spec(
         SpecError: one line that says what, where, and what would have worked.
     """
     data, label, folder = _raw(source)
+    before = data["chain"].get("links") if isinstance(data.get("chain"), dict) else None
     if links is not None:
         _put(data, ["chain", "links"], links, label)
     if apparatus is not None:
@@ -54,6 +55,8 @@ def load_spec(
             raise SpecError(f"--set '{item}': write path=value, as in chain.length=0.3.")
         value = yaml_file.parse(text, f"--set {path.strip()}")
         _put(data, path.strip().split("."), value, label)
+    if links is not None and isinstance(before, int) and links != before:
+        stretch.refuse_lists(data, before, links, label)
     return validate(data, label, folder)
 
 
