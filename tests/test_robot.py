@@ -123,7 +123,7 @@ def test_foreign_urdf_without_modules_is_an_arm(tmp_path: Path) -> None:
         ("floating_root: hull", "floating_root: ring", r"not the URDF's root link 'hull'"),
         ("thrust_max: 20", "thrust_mx: 20", r"no field 'thrust_mx'. Did you mean 'thrust_max'"),
         ("thrust_min: 0, thrust_max: 20", "thrust_min: 30, thrust_max: 20", r"are no range"),
-        ("thrust_max: 20", "thrust_max: .nan", r"are no range"),
+        ("thrust_max: 20", "thrust_max: .nan", r"thrust_max: nan is not a number"),
         ("thrust_max: 20", "thrust_max: strong", r"modules.yaml"),
         ("[0, 0, -1]", "[0, 0, 0]", r"is no direction"),
         ("[0, 0, -1]", "[0, 1]", r"is no direction"),
