@@ -13,7 +13,7 @@ from snakegen.control.gains import Gains
 from snakegen.errors import MissionError
 from snakegen.robot import Robot
 from snakegen.verify.forecast import forecast
-from snakegen.verify.plan import Plan, holding, ticks
+from snakegen.verify.plan import Plan, holding, quintic, ticks
 from snakegen.verify.postures import place, resting_joints
 from snakegen.verify.recording import Recording
 
@@ -32,6 +32,7 @@ SETTLE = 4.0  # s of rest at 0.8, and of hover before the ramp
 KNEE = 0.8
 LOST_M = 0.05  # beyond the lag behind the ramp
 LOST_RAD = 0.05
+LOST_JOINT = 0.02  # rad; from 0.8 to all of a servo's torque it gives way by less
 
 
 def applies(robot: Robot) -> bool:
@@ -77,7 +78,8 @@ def plan(
     found = forecast(robot, controller, start, kind, link)
     corners = np.cumsum([0.0, SETTLE, FAST, SETTLE, slow])
     time = ticks(float(corners[-1]), rate)
-    share = np.interp(time, corners, [0.0, 0.0, KNEE, KNEE, until])
+    share, _, _ = quintic((time - corners[1]) / FAST)  # a corner would swing the integrals over
+    share = KNEE * share + (until - KNEE) * np.clip((time - corners[3]) / slow, 0.0, 1.0)
     return holding(
         time,
         joints,
@@ -124,7 +126,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
     """Returns the push at which tracking was lost, over the prediction: `ratio`.
 
     Tracking is lost at the last instant at which position, attitude and joints are all within
-    5 cm and 0.05 rad of how far they lag behind the slow ramp. Where it never was, `ratio` is the
+    5 cm, 0.05 rad and 0.02 rad of how far they lag behind the slow ramp. Where it never was, `ratio` is the
     end of the ramp over the prediction, and `tracking_lost` is false.
     """
     from snakegen.verify.metrics import attitude_error, position_error
@@ -143,7 +145,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
     if not lag.any():  # gone before the slow ramp
         lag = time < SETTLE
     fine = np.full(len(time), True)
-    for error, most in ((place_error, LOST_M), (turn_error, LOST_RAD), (joint_error, LOST_RAD)):
+    for error, most in ((place_error, LOST_M), (turn_error, LOST_RAD), (joint_error, LOST_JOINT)):
         fine &= np.abs(error - error[lag].mean(axis=0)).max(axis=1) < most
     fine = np.flatnonzero(fine)
     last = int(fine[-1]) if fine.size else 0
