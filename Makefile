@@ -76,7 +76,7 @@ fuzz: $(VENV)/dev.stamp ## hypothesis with EXAMPLES cases a property (300)
 
 wheel: $(VENV)/dev.stamp ## build the wheel into dist/
 	rm -rf dist
-	$(BIN)/python -m build --wheel -o dist
+	$(BIN)/pip wheel -qq --disable-pip-version-check --no-deps -w dist .
 
 clean: ## remove everything that can be made again, .venv too
 	rm -rf $(VENV) out dist build .pytest_cache .mypy_cache .ruff_cache .hypothesis
