@@ -44,9 +44,9 @@ def tree_faults(robot: Node) -> Iterator[Finding]:
     via: dict[str, Node] = {}
     for joint in robot.findall("joint"):
         ends = {side: _end(joint, side) for side in ("parent", "child")}
-        for side, name in ends.items():
-            if name is not None and name not in links:
-                message = f"its {side} link {name!r} does not exist.{near(name, links)}"
+        for side, end in ends.items():
+            if end is not None and end not in links:
+                message = f"its {side} link {end!r} does not exist.{near(end, links)}"
                 line = getattr(joint.find(side), "line", joint.line)
                 yield error(f"dangling_{side}", label(joint), line, message)
         parent, child = ends["parent"], ends["child"]

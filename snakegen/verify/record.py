@@ -157,7 +157,7 @@ def _margins(robot: Robot, mode: int, q: Floats) -> dict[str, Floats]:
 
     at = [allocation(robot, row) for row in q]
     hover = np.array([a.hover_wrench for a in at])
-    scales = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    scales: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
     if mode == VIRTUAL:
         points = np.array([a.thrust_points for a in at])
         m: Any = vectored_margins(points, robot.gimbals.limit, hover, tolerance=1e-2, **scales)

@@ -85,7 +85,7 @@ def margin_without(robot: Robot, q: Any, rotors: tuple[int, ...]) -> float:
     from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
 
     a = allocation(robot, q)
-    scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    scale: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
     if robot.modules.control.get("mode") == "dual_rotor":
         most = np.array(robot.rotors.thrust_max)
         most[list(rotors)] = 0.0
