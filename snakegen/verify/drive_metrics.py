@@ -76,7 +76,7 @@ def _ground(recording: Recording, inside: Any) -> dict[str, Any]:
     rolling = inside & (time > _START) if (inside & (time > _START)).any() else inside
     load = recording.channel("wheel_load").values[rolling]
     use = recording.channel("cone_use").values[rolling]
-    x, y = recording.channel("attitude").values[inside, :2].T
+    x, y = recording.held("attitude", time)[inside, :2].T
     return {
         "tilt_max_rad": float(np.arccos(np.clip(1 - 2 * (x * x + y * y), -1, 1)).max()),
         "wheel_load_mean_n": load.mean(axis=0).tolist(),
