@@ -165,6 +165,13 @@ class Plant(Part):
     voltage_sag: Annotated[float, Field(ge=0, lt=1), BeforeValidator(number)] = Field(
         0.1, description="share of voltage lost from full to empty (assumed); thrust goes as V²"
     )
+    link_stiffness: NonNegative = Field(
+        0.0,
+        description="N m/rad, EI/L of a bending link; 0: rigid. A 25 x 1 mm CFRP tube: 1300",
+    )
+    link_damping: NonNegative = Field(
+        0.0002, description="s, over stiffness: 2 % of critical at 30 Hz (assumed)"
+    )
 
 
 class RobotSpec(Part):

@@ -2,7 +2,6 @@
 
 import json
 
-import mujoco
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -57,11 +56,8 @@ def test_draws_change_the_simulated_robot_alone(ready):
     ratio = changed.model.body_mass[before > 0] / before[before > 0]
     assert np.abs(ratio - 1.0).max() <= 0.05 and np.ptp(ratio) > 0.05
     assert drawn["mass"] == pytest.approx(changed.model.body_mass.sum() / before.sum())
-    data = mujoco.MjData(changed.model)
-    mujoco.mj_forward(changed.model, data)
-    full = np.zeros((changed.model.nv, changed.model.nv))
-    mujoco.mj_fullM(changed.model, data, full)
-    assert full[0, 0] == pytest.approx(changed.model.body_mass.sum()), "constants were renewed"
+    whole = changed.model.body_subtreemass[0]
+    assert whole == pytest.approx(changed.model.body_mass.sum()), "constants were renewed"
     lag = changed.model.actuator_dynprm[world.rotors, 0]
     np.testing.assert_allclose(lag, 0.035 * drawn["lag"])
     assert 0.005 <= plant.delay <= 0.015 and plant.thrust_scale == drawn["thrust"]

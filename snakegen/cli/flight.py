@@ -168,6 +168,7 @@ def result_json(recording: Any, path: Path) -> dict[str, Any]:
     """Returns what --json prints: metrics, verdict and where the log is."""
     judged = recording.verdict
     keep = ("robot", "mission", "seed", "mode", "gains", "allocator", "ideal", "stopped")
+    keep += ("modal_frequencies_hz",)
     return (
         {k: recording.meta[k] for k in keep if k in recording.meta}
         | recording.metrics
@@ -182,6 +183,10 @@ def result_json(recording: Any, path: Path) -> dict[str, Any]:
 def result_lines(recording: Any, path: Path) -> list[str]:
     """Returns what a person reads: the checks, the log, and the verdict last."""
     lines = [f"log: {path}"]
+    modes = recording.meta.get("modal_frequencies_hz")
+    if modes:
+        shown = ", ".join(f"{f:.2f}" for f in modes[:6])
+        lines.append(f"elastic links: natural frequencies {shown} … Hz")
     judged = recording.verdict
     if judged is None:
         return [*lines, "verdict: none"]

@@ -20,7 +20,7 @@ from snakegen.errors import MissionError
 from snakegen.verify.plant import Imperfections
 from snakegen.verify.recording import Recording
 from snakegen.verify.run import Ready
-from snakegen.verify.world import World, make_world
+from snakegen.verify.world import World
 
 SURVIVED = (
     "completed",
@@ -122,7 +122,7 @@ def monte_carlo(
     """
     if count < 1:
         raise MissionError(f"{count} trials: at least 1 is needed.")
-    world = make_world(ready.robot, obstacles=ready.plan.obstacles)
+    world = ready.world()
     spread, stop = spread or Spread(), Event()
     done: list[Trial] = []
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
@@ -149,7 +149,7 @@ def fly_again(
     ready: Ready, number: int, *, seed: int = 0, spread: Spread | None = None
 ) -> Recording:
     """Returns the full recording of one trial of `monte_carlo`, bit for bit as it was."""
-    world = make_world(ready.robot, obstacles=ready.plan.obstacles)
+    world = ready.world()
     rng = np.random.default_rng([seed, number])
     changed, imperfections, drawn = perturbed(world, ready.imperfections, spread or Spread(), rng)
     recording = ready.flown(changed, imperfections, rng, seed)

@@ -45,6 +45,8 @@ class Imperfections:
     turbulence: float = 0.0
     endurance: float = 180.0
     voltage_sag: float = 0.1
+    link_stiffness: float = 0.0
+    link_damping: float = 2e-4
 
     @staticmethod
     def of(values: dict[str, Any]) -> "Imperfections":

@@ -10,6 +10,7 @@ from snakegen.control.controller import Controller, flight_controller, gain_set
 from snakegen.errors import MissionError
 from snakegen.kernels.chain import forward
 from snakegen.robot import GRAVITY, Robot
+from snakegen.verify.elastic import modal_frequencies
 from snakegen.verify.loop import fly
 from snakegen.verify.metrics import metrics
 from snakegen.verify.missions import is_file, mission
@@ -53,7 +54,7 @@ def run(
         given = dict(options or {})
         return module.fly(robot, seed=seed, ideal=ideal, options=given, progress=progress)
     ready = prepare(robot, name, gains=gains, allocator=allocator, ideal=ideal, options=options)
-    world = make_world(robot, obstacles=ready.plan.obstacles)
+    world = ready.world()
     return ready.flown(world, ready.imperfections, np.random.default_rng(seed), seed, progress)
 
 
@@ -73,6 +74,16 @@ class Ready:
     imperfections: Imperfections
     position_rate: float
     meta: dict[str, Any]
+
+    def world(self) -> World:
+        """Returns the nominal world of its flights."""
+        plant = self.imperfections
+        return make_world(
+            self.robot,
+            obstacles=self.plan.obstacles,
+            link_stiffness=plant.link_stiffness,
+            link_damping=plant.link_damping,
+        )
 
     def flown(
         self,
@@ -114,6 +125,9 @@ class Ready:
             "stopped": flown.stopped,
             "metrics_window_s": [window[0], min(window[1], float(plan.time[flown.ticks - 1]))],
         }
+        if imperfections.link_stiffness > 0:
+            modes = modal_frequencies(world.model, flown.qpos[0])
+            meta["modal_frequencies_hz"] = [round(float(f), 3) for f in modes]
         recording = record(world, plan, self.controller, flown, meta, margins=margins)
         return judge(recording, plan)
 

@@ -10,6 +10,7 @@ import numpy as np
 from snakegen.errors import SnakegenError
 from snakegen.geometry import Floats
 from snakegen.kernels.flight_types import Memory, Plant, References, Rows, Simulator, Wiring
+from snakegen.verify.elastic import tip_name
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Draw, Imperfections, battery_energy, power_factors
 from snakegen.verify.world import World
@@ -86,7 +87,9 @@ def stations(world: World) -> tuple[np.ndarray, Floats, Floats, Floats]:
     Each cylinder that stands for a link is met at three points, the middles of its thirds.
     """
     model = world.model
-    links = {model.body(n).id for n in world.robot.modules.lengths}
+    names = [n for link in world.robot.modules.lengths for n in (link, tip_name(link))]
+    found = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, n) for n in names]
+    links = {b for b in found if b > 0}
     bodies, points, axes, areas = [], [], [], []
     for g in range(model.ngeom):
         if model.geom_type[g] != mujoco.mjtGeom.mjGEOM_CYLINDER:

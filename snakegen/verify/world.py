@@ -11,6 +11,7 @@ from snakegen.description.mjcf import decorate
 from snakegen.description.screw_contact import meet_rollers
 from snakegen.geometry import Floats, wxyz_from_xyzw, xyzw_from_wxyz
 from snakegen.robot import Robot
+from snakegen.verify.elastic import add_springs, split_links
 from snakegen.verify.plan import Box
 
 Ints = np.ndarray[Any, np.dtype[np.int64]]
@@ -82,6 +83,8 @@ def make_world(
     timestep: float = 0.001,
     floor: bool = True,
     obstacles: Sequence[Box] = (),
+    link_stiffness: float = 0.0,
+    link_damping: float = 0.0,
 ) -> World:
     """Returns the world of a run: the MJCF of the robot's URDF, without visuals, on a floor.
 
@@ -90,8 +93,14 @@ def make_world(
         timestep: s.
         floor: whether there is ground at z = 0.
         obstacles: boxes that stand in the way.
+        link_stiffness: N m/rad of a bending link; 0: links are rigid.
+        link_damping: s, its damping over its stiffness.
     """
-    spec = decorate(robot.urdf, robot.modules, {}, visuals=False)
+    lengths = robot.modules.lengths
+    urdf = split_links(robot.urdf, lengths) if link_stiffness > 0 else robot.urdf
+    spec = decorate(urdf, robot.modules, {}, visuals=False)
+    if link_stiffness > 0:
+        add_springs(spec, lengths, link_stiffness, link_damping)
     spec.option.timestep = timestep
     # a reset in mid-run would hide that the run has diverged
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
