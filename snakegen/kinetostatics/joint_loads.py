@@ -1,7 +1,7 @@
 """What thrust, gravity and a disturbance make of each joint: the linear maps of ZN23 eq 6.
 
-``τ = bias + M λ + D w_d`` for the joints that shape the body: the law of `law.joint_torques` (a
-test holds them together), split for joint-limited margins.
+``τ = bias + M λ + D w_d`` for the driven joints that shape the body: the law's twist matrix times
+the wrenches, split for joint-limited margins.
 """
 
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from snakegen.geometry import Floats, skew
+from snakegen.geometry import Floats, move_wrench
 from snakegen.kernels.chain import centre_of_gravity, forward
-from snakegen.kinetostatics.law import joint_torques
+from snakegen.kinetostatics.law import joint_torques, twist_matrix
 from snakegen.robot import Robot
 
 
@@ -40,57 +40,58 @@ class JointLoads:
 def joint_loads(robot: Robot, q: ArrayLike, link: str | None = None) -> JointLoads:
     """Returns the joint torque maps at q for a disturbance on `link` (the root by default).
 
+    Args:
+        robot: floating, with apparatuses.
+        q: (nq,) posture, gimbals as they are.
+        link: on which the disturbance acts; the root link loads no joint.
+
     Raises:
         PostureError: q has the wrong size or holds NaN.
         DescriptionError: no such link.
     """
     q = robot.check_q(q)
-    names = robot.chain_joints
-    tree, rotors, gimbals = robot.tree, robot.rotors, robot.gimbals
-    base, origin = robot.base_pose(q)
-    rotation, position = forward(tree, base, origin, robot.angles(q))
-    _, cog = centre_of_gravity(tree, rotation, position)
-    bodies = np.array([robot.body_of_joint(n) for n in names], int)
-    index = [robot.model.joints[robot.model.getJointId(n)].idx_v for n in names]
-    axes = np.einsum("iab,ib->ia", rotation[bodies], tree.axis[bodies])
-
-    def carried(body: int) -> Floats:
-        """Returns (k,) 1 where the joint carries `body`."""
-        above = set()
-        while body > 0:
-            above.add(body)
-            body = int(tree.parent[body])
-        return np.array([float(b in above) for b in bodies])
+    known = {s.joint for s in robot.modules.servos}
+    names = tuple(n for n in robot.chain_joints if n in known or not known)
+    bodies = [robot.body_of_joint(n) for n in names]
+    base = robot.base_pose(q)[0]
+    rotation, position = forward(robot.tree, base, np.zeros(3), robot.angles(q))
+    cog = centre_of_gravity(robot.tree, rotation, position)[1]
+    twists = twist_matrix(robot, q)[:, [b - 1 for b in bodies]]
+    rotors, gimbals = robot.rotors, robot.gimbals
+    turn = np.kron(np.eye(2), base)  # root-link axes to world
 
     def of_wrench(body: int, point: Floats) -> Floats:
-        """Returns (k, 6): joint torque per unit of a wrench at `point` on `body`, base axes."""
-        out = np.zeros((len(names), 6))
-        for i, share in enumerate(carried(body)):
-            if share:
-                lever = skew(point - position[bodies[i]])
-                out[i, :3] = -(axes[i] @ lever) @ base
-                out[i, 3:] = -axes[i] @ base
-        return out
+        """Returns (k, 6): joint torque per unit of a wrench at `point` on `body`, base axes.
 
-    forces = np.stack(
-        [
-            of_wrench(b, position[b] + rotation[b] @ p)[:, :3]
-            for b, p in zip(gimbals.thrust_body, gimbals.thrust_point, strict=True)
-        ],
-        axis=1,
-    )
+        ``τ_i = -S_iᵀ w`` for the joints that carry the body, w about the base origin.
+        """
+        about = np.array([move_wrench(turn[:, c], point) for c in range(6)]).T
+        return -_carriers(robot, bodies, body)[:, None] * (twists.T @ about)
+
+    forces = [
+        of_wrench(int(b), position[b] + rotation[b] @ p)[:, :3]
+        for b, p in zip(gimbals.thrust_body, gimbals.thrust_point, strict=True)
+    ]
     columns = []
     for r, b in enumerate(rotors.body):
-        place = position[b] + rotation[b] @ rotors.position[r]
         along = base.T @ (rotation[b] @ rotors.axis[r])
         wrench = np.concatenate([along, rotors.torque_ratio[r] * along])
-        columns.append(of_wrench(int(b), place) @ wrench)
-    body = robot.body_of_link(link or robot.root_link)[0]
+        columns.append(of_wrench(int(b), position[b] + rotation[b] @ rotors.position[r]) @ wrench)
+    k = len(names)
     return JointLoads(
         names,
         robot.limits(names)[2],
-        joint_torques(robot, q, terms="static")[index],
-        np.stack(columns, axis=1),
-        forces,
-        of_wrench(body, cog),
+        joint_torques(robot, q, terms="static")[6:][[b - 1 for b in bodies]],
+        np.array(columns).reshape(len(columns), k).T,
+        np.array(forces).reshape(len(forces), k, 3).transpose(1, 0, 2),
+        of_wrench(robot.body_of_link(link or robot.root_link)[0], cog),
     )
+
+
+def _carriers(robot: Robot, bodies: list[int], body: int) -> Floats:
+    """Returns (k,) 1 where the joint that moves each of `bodies` carries `body`, else 0."""
+    above = set()
+    while body > 0:
+        above.add(body)
+        body = int(robot.tree.parent[body])
+    return np.array([float(b in above) for b in bodies])

@@ -21,8 +21,8 @@ from snakegen.kernels.chain import centre_of_gravity, forward
 from snakegen.kernels.control_types import VIRTUAL
 from snakegen.kernels.fully_actuated import aim_forces
 from snakegen.kernels.vectoring import joint_order
+from snakegen.kinetostatics.joint_loads import joint_loads
 from snakegen.kinetostatics.law import joint_torques
-from snakegen.kinetostatics.thrust_loads import thrust_loads
 from snakegen.margins.rays import Bounds, Reach, inverse_ray, thrust_ray, vectored_ray
 from snakegen.posture import set_angle
 from snakegen.robot import Robot
@@ -111,11 +111,11 @@ def _map(robot: Robot, controller: Controller, a: Allocation) -> Floats:
 
 
 def _bounds(robot: Robot, controller: Controller, q: Floats, link: str) -> Bounds:
-    loads = thrust_loads(robot, q, link)
-    rows = loads.rotor
+    loads = joint_loads(robot, q, link)
+    rows = loads.rotors
     if controller.mode == VIRTUAL:
-        rows = loads.force.reshape(len(loads.limit), -1)
-    return Bounds(rows, loads.bias, loads.wrench, loads.limit)
+        rows = loads.forces.reshape(len(loads.limit), -1)
+    return Bounds(rows, loads.bias, loads.disturbance, loads.limit)
 
 
 def _reach(
