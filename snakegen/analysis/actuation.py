@@ -1,4 +1,4 @@
-"""Actuation: rank, condition and class of each mode, against the paper's own rule (THEORY A3)."""
+"""Actuation: rank, condition and class of each mode, against the paper's own rule."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
