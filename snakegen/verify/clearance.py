@@ -15,8 +15,6 @@ def clearances(world: World, qpos: Floats) -> tuple[Floats, Floats, Floats]:
     Self distance: between collision geoms of different bodies that the model lets touch, capped
     at 0.5 m; +inf where no such pair exists.
     """
-    from snakegen.description.mjcf import lowest_point
-
     model, data = world.model, mujoco.MjData(world.model)
     solid = [g for g in range(model.ngeom) if model.geom_contype[g]]
     own_geoms = [g for g in solid if model.geom_bodyid[g] != 0]
@@ -32,12 +30,29 @@ def clearances(world: World, qpos: Floats) -> tuple[Floats, Floats, Floats]:
     for k, row in enumerate(qpos):
         data.qpos[:] = row
         mujoco.mj_kinematics(model, data)
-        floor[k] = lowest_point(model, data)
+        floor[k] = float(np.min(data.geom_xpos[own_geoms, 2] - _reach_down(model, data, own_geoms)))
         if len(pairs):
             own[k] = _least(model, data, pairs)
         if len(around):
             obstacle[k] = _least(model, data, around)
     return floor, own, obstacle
+
+
+def _reach_down(model: mujoco.MjModel, data: mujoco.MjData, geoms: list[int]) -> Floats:
+    """Returns how far (m,) [m] geoms reach below their centres; meshes: their bounding balls."""
+    shape, size, kind = model.geom_type[geoms], model.geom_size[geoms], mujoco.mjtGeom
+    axes = np.abs(data.geom_xmat[geoms, 6:9])  # vertical parts of the geoms' axes
+    along = axes[:, 2]
+    across = np.sqrt(np.maximum(0.0, 1.0 - along**2))
+    known = [
+        (kind.mjGEOM_SPHERE, size[:, 0]),
+        (kind.mjGEOM_CAPSULE, size[:, 0] + size[:, 1] * along),
+        (kind.mjGEOM_CYLINDER, size[:, 0] * across + size[:, 1] * along),
+        (kind.mjGEOM_BOX, np.einsum("gi,gi->g", axes, size)),
+    ]
+    return np.select(
+        [shape == int(k) for k, _ in known], [r for _, r in known], model.geom_rbound[geoms]
+    )
 
 
 def _least(model: mujoco.MjModel, data: mujoco.MjData, pairs: np.ndarray) -> float:

@@ -21,7 +21,7 @@ from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Draw, Imperfections
 from snakegen.verify.world import World
 
-STRETCH = 0.1  # s of flight between two looks at the rest of the world
+STRETCH = 0.25  # s of flight between two looks at the rest of the world
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ def fly(
         noise: drawn for this run.
         imperfections: of the plant.
         position_rate: Hz.
-        progress: called with the tick, ten times a second of flight.
+        progress: called with the tick, four times a second of flight.
     """
     ticks = len(plan.time)
     dt = float(plan.time[1] - plan.time[0]) if ticks > 1 else 0.005
