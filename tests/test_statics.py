@@ -307,9 +307,9 @@ def test_rows_name_the_hardest_joint_first_and_text_options_read_as_numbers(robo
     ("given", "error", "words"),
     [
         ({"wrenches": {"lnk7": np.zeros(6)}}, DescriptionError, "Did you mean 'link7'"),
-        ({"wrenches": {"link7": np.zeros(5)}}, AnalysisError, "shape"),
+        ({"wrenches": {"link7": np.zeros(5)}}, AnalysisError, "numbers given, "),
         ({"wrenches": {"link7": np.full(6, np.nan)}}, AnalysisError, "NaN"),
-        ({"v": np.zeros(3)}, AnalysisError, "v: shape"),
+        ({"v": np.zeros(3)}, AnalysisError, "v: 3 numbers given"),
         ({"gravity": "down"}, AnalysisError, "gravity"),
         ({"terms": "dynamic"}, AnalysisError, "none of static"),
         ({"hold": "hover"}, AnalysisError, "fixed base"),

@@ -1,7 +1,8 @@
 """Analyses, found by folder: every module here is one.
 
 An analysis has ``COMMAND`` (its name on the command line), ``ORDER`` (its place in a report),
-``OPTIONS`` (literal: name → [default, help]), perhaps ``REPORT = False`` (not part of a report),
+``OPTIONS`` (literal: name → [default, help]), perhaps ``REPORT = False`` (not part of a report)
+and ``EXAMPLE`` (what follows its name in its help),
 ``applies(robot) -> bool`` and
 ``analyze(robot, q, **options) -> Result``. A Result is a frozen dataclass with ``to_json()`` and
 ``rows()``, (label, text) pairs for people. `catalogue` reads names without importing anything.
@@ -25,6 +26,7 @@ class Entry:
     help: str
     options: dict[str, tuple[Any, str]]
     report: bool = True  # whether a report runs it unasked
+    example: str = "dragon4 --json"  # what follows its name in its help
 
     def load(self) -> Any:
         """Imports and returns the module."""
@@ -49,7 +51,7 @@ def _read(path: Path) -> Entry | None:
     for node in tree.body:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
             name = node.targets[0].id
-            if name in ("COMMAND", "ORDER", "OPTIONS", "REPORT"):
+            if name in ("COMMAND", "ORDER", "OPTIONS", "REPORT", "EXAMPLE"):
                 constants[name] = ast.literal_eval(node.value)
     if "COMMAND" not in constants:
         return None
@@ -62,4 +64,5 @@ def _read(path: Path) -> Entry | None:
         summary[0] if summary else "",
         options,
         constants.get("REPORT", True),
+        constants.get("EXAMPLE", "dragon4 --json"),
     )

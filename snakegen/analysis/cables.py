@@ -23,6 +23,7 @@ __all__ = ["CablesResult", "Routing", "analyze", "applies", "route"]
 
 COMMAND = "cables"
 ORDER = 75
+EXAMPLE = "arm6 --joint joint3_yaw=0.4 --mjcf arm6_cables.xml"
 OPTIONS = {
     "count": [3, "cables a segment, three or more"],
     "radius": [0.03, "m, of the circle of holes"],
@@ -30,7 +31,7 @@ OPTIONS = {
     "standoff": [0.02, "m, from a joint to the holes on either side"],
     "sheathed": [False, "cables start at their own joint instead of running through all before"],
     "minimum": [5.0, "N, least tension"],
-    "maximum": [1e9, "N, highest tension"],
+    "maximum": [None, "N, highest tension; none by default"],
     "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
     "gravity": ["0,0,-9.81", "m/s², world; 0,0,0 for none"],
     "mjcf": [None, "MJCF to write: the cables as tendons with winches, in place of the servos"],
@@ -136,7 +137,7 @@ def analyze(
     wrenches: Wrenches = None,
     gravity: ArrayLike = DOWN,
     minimum: float = 5.0,
-    maximum: float = np.inf,
+    maximum: float | str | None = None,
     count: int = 3,
     radius: float = 0.03,
     phase: float = 0.0,
@@ -164,8 +165,9 @@ def analyze(
     """
     if not applies(robot):
         raise AnalysisError(f"{robot.name} is not an arm on a fixed base: cables are for those.")
-    if not 0 <= minimum <= maximum or not np.isfinite(minimum):
-        raise AnalysisError(f"tensions {minimum:g} … {maximum:g} N are no range above 0.")
+    most = _most(maximum)
+    if not 0 <= minimum <= most or not np.isfinite(minimum):
+        raise AnalysisError(f"tensions {minimum:g} … {most:g} N are no range above 0.")
     q = robot.check_q(q)
     if routing is None:
         routing = route(
@@ -189,15 +191,15 @@ def analyze(
     ends = np.cumsum([len(g) for g in routing.segments])
     rows = [np.arange(e - len(g), e) for e, g in zip(ends, routing.segments, strict=True)]
     method = "back-substitution"
-    t, short = back_substitute(arms, wanted, rows, list(routing.columns), minimum, maximum)
+    t, short = back_substitute(arms, wanted, rows, list(routing.columns), minimum, most)
     if not _balanced(short, wanted) and routing.coupled:
         # Least tensions beyond may be the wrong ones for the segments before: ask all at once.
-        together, left = balance(arms, wanted, minimum, maximum)
+        together, left = balance(arms, wanted, minimum, most)
         if np.sum(np.abs(left)) < np.sum(np.abs(short)):
             t, short, method = together, left, "all segments at once"
     result = CablesResult(
         routing.names, t, length, tuple(names), arms, wanted, short, method,
-        _why(names, short, wanted, t, routing.names, maximum),
+        _why(names, short, wanted, t, routing.names, most),
     )  # fmt: skip
     if mjcf is None:
         return result
@@ -206,10 +208,21 @@ def analyze(
     if not result.feasible:
         raise AnalysisError(f"{robot.name}: {result.why}; no MJCF of that was written.")
     held = hold_in_mujoco(
-        Path(mjcf), robot, q, routing, t, length, maximum, finite(gravity, (3,), "gravity"),
+        Path(mjcf), robot, q, routing, t, length, most, finite(gravity, (3,), "gravity"),
         stiffness,
     )  # fmt: skip
     return replace(result, mjcf=str(mjcf), held=held)
+
+
+def _most(maximum: float | str | None) -> float:
+    """Returns the highest tension [N], which the command line gives as text."""
+    try:
+        most = np.inf if maximum is None else float(maximum)
+    except ValueError:
+        most = np.nan
+    if np.isnan(most):
+        raise AnalysisError(f"maximum: '{maximum}' is no tension in N.")
+    return most
 
 
 def _balanced(shortage: Floats, torque: Floats) -> bool:

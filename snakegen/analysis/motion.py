@@ -23,6 +23,7 @@ from snakegen.robot import Robot
 
 COMMAND = "motion"
 ORDER = 65
+EXAMPLE = "arm6 --motion table3 --friction 0.1,0.06 --table torques.csv"
 OPTIONS = {
     "motion": ["table3", "table3, a CSV (time,joint1_pitch,… in s and rad) or a YAML file"],
     "duration": [None, "s, instead of the motion's own; sines alone"],
@@ -94,7 +95,9 @@ class MotionResult:
             what += f", friction {self.friction.static:g} N·m static, {self.friction.sliding:g}"
         span = self.along.time[-1]
         out = [("motion", f"{self.name}, {span:.4g} s, {what}; torques {self.terms}")]
-        shares = [f"{k} {100 * x:.3g} %" for k, x in self.share.items() if x > 0.0005]
+        shares = [
+            f"{k.replace('_', ' ')} {100 * x:.3g} %" for k, x in self.share.items() if x > 0.0005
+        ]
         out.append(("consists of", ", ".join(shares) or "nothing: no load"))
         part = self.depth_peaks["quasi_static"].max() / max(self.depth_peaks["full"].max(), 1e-300)
         if self.terms == "full" and np.any(self.depth_peaks["full"]):

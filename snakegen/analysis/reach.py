@@ -32,6 +32,7 @@ __all__ = ["Options", "Port", "ReachResult", "analyze", "applies", "circle", "po
 
 COMMAND = "reach"
 ORDER = 70
+EXAMPLE = "arm6 --port 1.2,0,0,1,0,0,0.08 --radius 0.03"
 OPTIONS = {
     "path": [None, "CSV of x,y,z [m] from the base origin, a row every dt; a circle if absent"],
     "radius": [0.05, "m, of the circle"],
@@ -95,7 +96,9 @@ class ReachResult:
             rms = float(np.sqrt(np.mean(e**2)))
             out.append(("tip error", f"{e.max():.3g} mm at most, {rms:.3g} mm RMS"))
             if np.isfinite(self.track.clearance):
-                out.append(("port", f"{1e3 * self.track.clearance:.3g} mm of room at least"))
+                room = self.track.clearance
+                words = "of room at least" if room >= 0 else "beyond its rim at worst"
+                out.append(("port", f"{_length(abs(room))} {words}"))
         return out
 
     def to_json(self) -> dict[str, Any]:
@@ -246,10 +249,10 @@ def _why(
     if track is not None and track.complete:
         told = f"the whole path of {track.whole:.4g} m was followed"
         if track.clearance < 0:
-            return f"{told}, but the body passes {-track.clearance * 1e3:.3g} mm outside the port"
+            return f"{told}, but the body passes {_length(-track.clearance)} outside the port"
         return told
     if track is None:
-        at, begin = path[0], f"the path's first point is missed by {missed * 1e3:.3g} mm"
+        at, begin = path[0], f"the path's first point is missed by {_length(missed)}"
     else:
         at, held = path[track.reached], track.held
         begin = f"the path is lost after {track.length:.4g} of {track.whole:.4g} m"
@@ -257,13 +260,18 @@ def _why(
     if far > whole:
         return (
             f"{begin}: the next point is {far:.4g} m from the first joint, "
-            f"{(far - whole) * 1e3:.3g} mm beyond the stretched chain"
+            f"{_length(far - whole)} beyond the stretched chain"
         )
     if held:
         return f"{begin}: {', '.join(held)} at the limit"
     near = track is None or track.sigma[-1, -1] < floor
     where = "too near a singular posture" if near else "no step inside the joint limits goes on"
     return f"{begin}: {where}"
+
+
+def _length(metres: float) -> str:
+    """Returns a length as people say it: mm below a metre."""
+    return f"{metres:.3g} m" if metres >= 1.0 else f"{1e3 * metres:.3g} mm"
 
 
 def _checked_options(options: Options, count: int) -> Options:

@@ -30,6 +30,7 @@ __all__ = ["StaticsResult", "analyze", "applies", "joint_torques", "twist_matrix
 
 COMMAND = "statics"
 ORDER = 60
+EXAMPLE = 'arm6 --joint joint1_pitch=-0.4 --wrenches "link7=0,0,-5,0,0,0"'
 OPTIONS = {
     "terms": ["full", "depth: static, quasi_static or full (the three agree at rest)"],
     "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
@@ -93,7 +94,7 @@ class StaticsResult:
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people: the whole, then the joints, hardest first."""
         by = {"base": "base held", "hover": "vectored thrust in hover", "thrust": "thrust as given"}
-        shares = [f"{k} {100 * x:.3g} %" for k, x in self.share.items() if x > 0]
+        shares = [f"{k.replace('_', ' ')} {100 * x:.3g} %" for k, x in self.share.items() if x > 0]
         out = [("support", by[self.support])]
         out.append(("consists of", ", ".join(shares) or "nothing: no load"))
         if self.overloaded:
@@ -101,7 +102,8 @@ class StaticsResult:
         if self.tip_load is not None:
             out += self._tip_rows(self.tip_load)
         if self.worst is not None:
-            angles = ", ".join(f"{k} {x:.2f}" for k, x in self.worst["posture"].items())
+            bent = {k: x for k, x in self.worst["posture"].items() if abs(x) >= 0.005}
+            angles = ", ".join(f"{k} {x:+.2f}" for k, x in bent.items()) or "all joints at 0"
             use = f"{100 * self.worst['use']:.3g} % of {self.worst['joint']}"
             out.append(("worst posture", f"{use} at {angles}"))
         return out + self._joint_rows()

@@ -102,8 +102,8 @@ def _command(entry: Entry) -> click.Command:
     for decorator in (json_option, posture_options, modules_option, override_options):
         decorated = decorator(decorated)
     decorated = robot_argument(decorated)
-    help_text = f"{entry.help}\n\n\b\nExample:\n  snakegen analyze {entry.command} ROBOT --json"
-    help_text = help_text.replace("ROBOT --json", "dragon4 --json")
+    example = f"snakegen analyze {entry.command} {entry.example}"
+    help_text = f"{entry.help}\n\n\b\nExample:\n  {example}"
     return click.command(name=entry.command, help=help_text)(decorated)
 
 

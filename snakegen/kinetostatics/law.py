@@ -222,6 +222,8 @@ def finite(value: ArrayLike, shape: tuple[int, ...], name: str) -> Floats:
     except (TypeError, ValueError):
         raise AnalysisError(f"{name}: {value!r} is no array of numbers.") from None
     if out.shape != shape:
+        if out.ndim <= 1 and len(shape) == 1:
+            raise AnalysisError(f"{name}: {out.size} numbers given, {shape[0]} needed.")
         raise AnalysisError(f"{name}: shape {out.shape} given, {shape} needed.")
     if not np.all(np.isfinite(out)):
         raise AnalysisError(f"{name}: holds NaN or infinity.")
