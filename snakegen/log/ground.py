@@ -10,7 +10,7 @@ from snakegen.log import style
 from snakegen.log.scene import Scene
 from snakegen.verify.recording import Recording
 
-_CEILING = 0.5  # share of the colour that shows: what stands over the body must not hide it
+_LOW = 0.06  # m, up to which an obstacle is solid: walls and ceilings must not hide the body
 
 
 def log_ground(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -> None:
@@ -25,8 +25,7 @@ def _obstacles(rec: Any, recording: Recording) -> None:
     boxes = recording.meta.get("obstacles") or []
     if not boxes:
         return
-    over = [box["centre"][2] - box["half"][2] > 0.0 for box in boxes]
-    colors = [(*style.OBSTACLE, round(255 * _CEILING) if high else 255) for high in over]
+    over = [box["centre"][2] + box["half"][2] > _LOW for box in boxes]
     for name, chosen, mode in (
         ("ground", [i for i, high in enumerate(over) if not high], "Solid"),
         ("over", [i for i, high in enumerate(over) if high], "MajorWireframe"),
@@ -37,7 +36,7 @@ def _obstacles(rec: Any, recording: Recording) -> None:
                 rr.Boxes3D(
                     centers=[boxes[i]["centre"] for i in chosen],
                     half_sizes=[boxes[i]["half"] for i in chosen],
-                    colors=[colors[i] for i in chosen],
+                    colors=[style.OBSTACLE],
                     fill_mode=getattr(rr.components.FillMode, mode),
                 ),
                 static=True,
@@ -52,6 +51,7 @@ def _forces(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -> 
         return
     force = np.nan_to_num(recording.held("contact_force", view.time))
     point = np.nan_to_num(recording.held("contact_point", view.time))
+    force[view.time > recording.times("contact_force")[-1] + 0.1] = 0.0  # it has taken off
     size = np.linalg.norm(force.reshape(-1, 3), axis=1)
     usual = float(np.median(size[size > 0])) if (size > 0).any() else 1.0
     scale = 0.3 * min(view.size, 1.5) / usual

@@ -1,0 +1,196 @@
+"""Missions of drives: both plants, terrain, logs; held against the model, not themselves."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from snakegen import log
+from snakegen.errors import AnalysisError, MissionError
+from snakegen.robot import load
+from snakegen.spec_file import load_spec
+from snakegen.verify.drive import contact_model, run_contact
+from snakegen.verify.drive_plan import DrivePlan, curled, following
+from snakegen.verify.drive_record import drive, judge
+from snakegen.verify.join import join
+from snakegen.verify.missions import missions
+from snakegen.verify.missions.lcrank import first_state
+from snakegen.verify.plan import Box
+from snakegen.verify.run import run
+
+
+@pytest.fixture(scope="module")
+def screw4():
+    return load("screw4")
+
+
+@pytest.fixture(scope="module")
+def quick():
+    """A drive with balls for drums: the same missions at eight times the speed."""
+    return load(load_spec("screw4", overrides=["screw_drive.rollers=ball"]))
+
+
+def short(robot, **more):
+    """Returns a plan of 3 s ahead and its reference."""
+    reference = following(robot, [("line", 0.4)], 0.2, 0.4)
+    plan = {"reference": reference, "start": reference.at(0.0)[0], "duration": 3.0}
+    return DrivePlan(**(plan | more))
+
+
+@pytest.mark.parametrize("start", ["fig9", "fig13"])
+def test_lcrank_kinematic_is_the_error_law(screw4, start):
+    recording = run(screw4, "lcrank", options={"plant": "kinematic", "start": start})
+    assert recording.verdict.passed
+    assert recording.metrics["error_law_end"] <= 1e-6
+    error, time = recording.channel("state_error").values, recording.time
+    k = np.searchsorted(time, 4.0)
+    assert np.allclose(error[k], error[0] * math.exp(-0.5 * time[k]), atol=1e-6)
+
+
+def test_a_wrong_gain_is_seen_by_the_error_law(screw4):
+    recording = run(screw4, "lcrank", options={"plant": "kinematic", "duration": 4.0})
+    meta = recording.meta | {"gain_1_s": [0.45] * 6}
+    wrong = judge(type(recording)(recording.time, recording.channels, meta=meta), {})
+    assert wrong.metrics["error_law_deviation"] > 1e-3
+
+
+@pytest.mark.parametrize("start", ["fig9", "fig13"])
+def test_lcrank_in_contact(quick, start):
+    recording = run(quick, "lcrank", options={"start": start})
+    found = recording.metrics
+    assert recording.verdict.passed, recording.verdict.summary()
+    assert found["distance_rmse_settled_m"] <= 0.003
+    x, y, _ = found["position_rmse_settled_m"]
+    assert math.hypot(x, y) == pytest.approx(found["distance_rmse_settled_m"], rel=1e-6)
+    weight = 9.81 * quick.mass
+    assert 0.7 * weight < sum(found["wheel_load_mean_n"]) < weight
+
+
+def test_lcrank_with_every_wheel(screw4):
+    """The full body: all wheels roll; the first corner, from the path."""
+    recording = run(screw4, "lcrank", options={"start": "path", "duration": 12.0})
+    assert recording.metrics["distance_rmse_m"] <= 0.003
+    assert recording.metrics["slip_median_m_s"] < 0.01 * 0.125
+    q, labels = recording.channel("q").values, recording.channel("q").labels
+    wheel = labels.index("wheel2_1_1:cos")
+    assert np.ptp(q[:, wheel]) > 0.5  # a passive wheel has turned
+
+
+def test_square_needs_feedback(quick):
+    steered = run(quick, "square", options={"side": 0.6})
+    blind = run(quick, "square", options={"side": 0.6, "feedback": False})
+    assert steered.verdict.passed and steered.metrics["distance_rmse_m"] <= 0.012
+    assert steered.metrics["distance_rmse_m"] < 0.5 * blind.metrics["distance_rmse_m"]
+
+
+def test_same_seed_same_run_other_seed_other_noise(quick):
+    one, two, other = (drive(quick, "x", short(quick), seed=s) for s in (3, 3, 4))
+    assert np.array_equal(one.channel("state_error").values, two.channel("state_error").values)
+    assert not np.array_equal(one.channel("position").values, other.channel("position").values)
+    calm = drive(quick, "x", short(quick), seed=3, ideal=True)
+    assert calm.metrics["distance_rmse_m"] < one.metrics["distance_rmse_m"]
+
+
+def test_a_box_in_the_way_stops_it(quick):
+    """The ground of a mission is real: the same drive against a block does not get there."""
+    block = Box("block", (0.25, 0.0, 0.2), (0.05, 0.5, 0.2))
+    free = run_contact(quick, short(quick), ideal=True)
+    stopped = run_contact(quick, short(quick, obstacles=(block,)), ideal=True)
+    assert free.rows["state"][-1, 0] > 0.35 > 0.3 > stopped.rows["state"][-1, 0]
+
+
+def test_duct_no_wider_than_the_body(screw4):
+    recording = run(screw4, "gap", options={"length": 0.3, "entry": 0.1})
+    found = recording.metrics
+    assert recording.verdict.passed, recording.verdict.summary()
+    assert recording.meta["facts"]["width_m"] == pytest.approx(0.15)
+    assert found["wheel_load_max_n"] > 2 * found["open_ground_wheel_load_max_n"]  # it presses
+
+
+def test_soft_pitch_joints_help_on_rough_ground(screw4):
+    short_way = {"length": 0.6, "speed": 0.2}
+    soft = run(screw4, "rough", options=short_way)
+    stiff = run(screw4, "rough", options=short_way | {"compliance": 1.0})
+    air = [np.mean(r.metrics["airborne_share"]) for r in (soft, stiff)]
+    assert air[0] < air[1] and soft.metrics["distance_end_m"] < 0.03
+
+
+def test_friction_is_what_drives(screw4):
+    """Physics, not bookkeeping: the same commands on ice go nowhere."""
+    model = contact_model(screw4)
+    assert (model.geom_friction[model.geom_priority == 1, 0] == 0.8).all()
+    ice = load(load_spec("screw4", overrides=["screw_drive.friction=0.002"]))
+    found = run_contact(ice, short(ice), ideal=True)
+    assert found.rows["state"][-1, 0] < 0.2
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "says"),
+    [
+        ({"radius": 0.2}, AnalysisError, "arcs of radius 0.295 m or more can be followed"),
+        ({"speed": 2.0}, MissionError, "allow 0.601 m/s"),
+        ({"speed": 0.0}, MissionError, "more than 0 is needed"),
+        ({"start": "fig7"}, MissionError, "fig9, fig13 or path"),
+    ],
+)
+def test_what_cannot_be_driven_is_refused_with_the_number(screw4, options, error, says):
+    with pytest.raises(error, match=says):
+        run(screw4, "lcrank", options=options)
+
+
+def test_missions_say_what_they_need(screw4):
+    for name, needs in (("lcrank", "two or more screw drums"), ("drive_fly", "rotors")):
+        with pytest.raises(MissionError, match=needs):
+            run(load("dragon4") if name == "lcrank" else screw4, name)
+    assert {"lcrank", "square", "gap", "rough", "drive_fly"} <= missions().keys()
+    with pytest.raises(MissionError, match="flat ground"):
+        drive(screw4, "x", short(screw4, obstacles=(Box("b", (9, 9, 9), (1, 1, 1)),)),
+              plant="kinematic")  # fmt: skip
+
+
+def test_starts_and_curls_of_longer_bodies():
+    assert np.allclose(first_state("fig9", 2, np.zeros(5))[3:], [-math.pi / 10, -math.pi / 11])
+    robot = load(load_spec("screw4", links=6))
+    reference = curled(robot, 1.0, 0.1, 0.4, 0.3)
+    w = reference.at(0.0)[0]
+    headings = w[2] + np.concatenate([[0.0], np.cumsum(w[3:])])
+    assert np.mean(headings) == pytest.approx(math.pi)
+    with pytest.raises(MissionError, match=r"0\.9 rad is outside"):
+        curled(robot, 1.0, 0.1, 0.4, 0.9)
+
+
+def test_log_reads_back_and_is_judged_again(quick, tmp_path: Path):
+    recording = drive(quick, "short", short(quick))
+    path = log.write(recording, tmp_path / "short.rrd")
+    again = log.inspect(path)
+    assert again.differing == ()
+    assert again.metrics["slip_mean_m_s"] == recording.metrics["slip_mean_m_s"]
+    assert np.array_equal(
+        again.recording.channel("contact_force").values,
+        recording.channel("contact_force").values,
+    )
+
+
+def test_runs_are_joined_in_time(quick):
+    a, b = (drive(quick, "x", short(quick), plant=p) for p in ("contact", "kinematic"))
+    both = join(a, b)
+    assert both.meta["joined_at_s"] == pytest.approx(3.01)
+    assert len(both.channel("position").values) == len(a.time) + len(b.time)
+    assert both.times("wheel_load")[-1] == a.time[-1]
+    assert both.channel("slip").time is None
+
+
+def test_command_line_drives(tmp_path: Path):
+    out = tmp_path / "d.rrd"
+    words = ["analyze", "flight", "screw4", "--mission", "lcrank", "--plant", "kinematic"]
+    done = subprocess.run(
+        [sys.executable, "-m", "snakegen", *words, "--duration", "12", "-o", str(out), "--json"],
+        capture_output=True, text=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["passed"] and len(found["position_rmse_settled_m"]) == 3 and out.is_file()
