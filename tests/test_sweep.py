@@ -206,11 +206,20 @@ def test_the_worst_posture_is_worse_than_the_samples_and_certified(
     table = evaluate(body, some(robot, 300))
     found = refine(body, table, "torque_margin")
     assert found.lower <= found.sampled == min(table["torque_margin"].to_pylist())
-    assert found.lower <= found.upper
+    assert found.closed and found.upper - found.lower <= 1e-3 * found.upper
     again = evaluate(body, found.angles[None])
     assert again["torque_margin"][0].as_py() == pytest.approx(found.lower)
     with pytest.raises(AnalysisError, match="no margin 'torq' in the sweep"):
         refine(body, table, "torq")
+
+
+def test_a_search_that_did_not_close_is_not_taken_for_the_worst(robot: Robot, body: Body) -> None:
+    table = evaluate(body, some(robot, 20))
+    lower, closed = table["force_margin"].to_numpy().copy(), np.ones(20, bool)
+    lower[3], closed[3] = 0.0, False  # its upper bound says nothing of the kind
+    for name, column in (("force_margin", lower), ("closed", closed)):
+        table = table.set_column(table.column_names.index(name), name, pa.array(column))
+    assert refine(body, table, "force_margin").sampled > 0.0
 
 
 def test_tables_of_a_person(robot: Robot, tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from margin_cases import disagreement, random_case
+from margin_cases import disagreement, random_case, ray
 from margin_robots import chain, dual_map
 
 from snakegen.analysis.wrench_margin import thrust_margins
@@ -153,6 +153,28 @@ def test_yaw_authority_of_dual_rotors_is_what_drag_gives():
     )
     assert m.torque == pytest.approx(0.01 * weight, rel=1e-9)  # κ m g
     np.testing.assert_allclose(np.abs(m.worst("torque")), [0, 0, 0, 0, 0, 1], atol=1e-9)
+
+
+def test_a_ray_sees_the_thickness_of_a_set_below_the_rank_tolerance():
+    """σ6/σ1 about 3e-7: balls count the direction as lost, a ray along it ends where it ends."""
+    rng = np.random.default_rng(6)
+    for thin in (3e-7, 1e-7):
+        u, _ = np.linalg.qr(rng.normal(size=(6, 6)))
+        q = u * [1, 1, 1, 1, 1, thin] @ rng.normal(size=(6, 8))
+        case = random_case(rng)._replace(
+            q=q, lower=np.zeros(8), upper=np.ones(8), hover=q @ np.full(8, 0.5),
+            force_scale=1.0, torque_scale=1.0,
+        )  # fmt: skip
+        m = margins_of(case)
+        assert m.rank == 5 and m.wrench == 0.0
+        across, along = u[:, 5], q @ rng.normal(size=8)
+        assert 0.1 * thin < m.directional(across) < 10 * thin
+        # in units of the thin direction the same question is well conditioned
+        stretched = case._replace(q=np.diag([1, 1, 1, 1, 1, 1 / thin]) @ u.T @ q)
+        stretched = stretched._replace(hover=stretched.q @ np.full(8, 0.5))
+        for v in (across, along):
+            w = np.diag([1, 1, 1, 1, 1, 1 / thin]) @ u.T @ v
+            assert m.directional(v) == pytest.approx(ray(stretched, w), rel=1e-6)
 
 
 def test_dead_rotors_are_as_if_absent():

@@ -163,6 +163,30 @@ def test_near_straight_bodies_close_and_lose_37_newton_metres_a_radian():
         assert m.torque / bend == pytest.approx(37.0, rel=0.03)
 
 
+def test_a_thin_body_with_two_apparatuses_near_the_twist_axis_closes():
+    """Here the terms of the objective cancel to a hundredth: a line search must not stall."""
+    points = np.array(
+        [
+            [-0.62161250, 0.19075140, 0.09832610],
+            [-0.19371772, 0.05918188, 0.04718912],
+            [0.21411517, -0.06497327, 0.00617911],
+            [0.60488461, -0.19536949, -0.04426262],
+        ]
+    )
+    weight = 78.48
+    m = vectored_margins(
+        points,
+        32.0,
+        [0, 0, weight, 0, 0, 0],
+        force_scale=weight,
+        torque_scale=weight * LENGTH,
+    )
+    assert m.rank == 6 and m.closed and 0 < m.force < 1
+    hover, rng = m.hover_wrench, np.random.default_rng(0)
+    found = searched(points, np.full(4, 32.0), hover, slice(0, 3), rng, 2)
+    assert found >= m.force_bounds[0] * (1 - 1e-9)
+
+
 def test_batch_equals_single_and_closes():
     rng = np.random.default_rng(6)
     points = np.array([random_body(rng, 4, 1.5) for _ in range(50)])

@@ -180,6 +180,7 @@ def _refine(
         "posture": {n: float(a) for n, a in zip(w.joints, w.angles, strict=True)},
         "lower": w.lower,
         "upper": w.upper,
+        "closed": w.closed,
         "least_sampled": w.sampled,
     }
 
@@ -195,5 +196,6 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     if "worst" in summary:
         w = summary["worst"]
         angles = ", ".join(f"{n} {a:+.4f}" for n, a in w["posture"].items())
-        rows.append(("worst posture", f"{w['lower']:.6g} … {w['upper']:.6g} at {angles}"))
+        said = "" if w["closed"] else " (bounds did not close)"
+        rows.append(("worst posture", f"{w['lower']:.6g} … {w['upper']:.6g}{said} at {angles}"))
     return rows

@@ -130,6 +130,7 @@ def _newton(e, z, torque, p, limit, hover, smooth, f, steps, scratch):
     gradient, hessian, step, trial, v, rest = scratch
     now = value(e, z, torque, p, limit, hover, smooth)
     small = BALANCED * limit.sum()
+    noise = 1e-15 * (abs(now) + limit.sum())  # the terms cancel: more than that of their sum
     for _ in range(steps):
         _derivatives(e, z, torque, p, limit, hover, smooth, f, gradient, hessian)
         if abs(gradient[0]) + abs(gradient[1]) + abs(gradient[2]) <= small:
@@ -141,7 +142,7 @@ def _newton(e, z, torque, p, limit, hover, smooth, f, steps, scratch):
             for c in range(3):
                 trial[c] = z[c] + share * step[c]
             new = value(e, trial, torque, p, limit, hover, smooth)
-            if new <= now + 1e-4 * share * slope + 1e-15 * abs(now):
+            if new <= now + 1e-4 * share * slope + noise:
                 break
             share *= 0.5
         if torque and share < 1.0 and _kink(e, trial, p, limit, hover, f, v, rest):
@@ -173,15 +174,19 @@ def support(e, torque, p, limit, hover, z, f, point, scratch):
     else:
         state = _newton(e, z, torque, p, limit, hover, 1e-10, f, 12, scratch)
     if state == 0:  # close to a kink: approach it through rounder and rounder norms, backwards
-        smooth = 0.1
+        smooth, shrink = 0.1, 0.1
         best = z.copy()
         kept = f.copy()
         while smooth > 1e-10:
             if _newton(e, z, torque, p, limit, hover, smooth, f, 25, scratch) == 0:
-                break
+                if shrink > 0.5 or smooth < 1e-7:
+                    break
+                z[:] = best  # too far at once: a smaller change of roundness
+                smooth, shrink = smooth / np.sqrt(shrink), np.sqrt(shrink)
+                continue
             state = 1
             best[:], kept[:] = z, f
-            smooth *= 0.1
+            smooth *= shrink
         z[:], f[:] = best, kept
     upper = value(e, z, torque, p, limit, hover, 0.0)
     held = 3 if torque else 0

@@ -107,7 +107,7 @@ def _body_frame(frame, p):
 def _lost(p, limit, hover, tilts, directions):
     """Returns (rank, inside): `tilts` (2,) of the two slices out of the set's own subspace."""
     a = columns(p, limit)
-    basis, lost = subspace(a)
+    basis, lost = subspace(a, RANK_TOLERANCE)
     inside = True
     for i in range(lost.shape[1]):
         thickness, off = 0.0, 0.0

@@ -12,18 +12,19 @@ from snakegen.kernels.jit import jit
 from snakegen.kernels.nearest import nearest
 
 RANK_TOLERANCE = 1e-6  # of σ_1, THEORY A3
+THIN = 1e-9  # of σ_1: a ray sees a set this thin as it is, though its rank counts as less
 OFF = 1e-9  # how far from its own subspace rounding can put a point of it, scaled
 
 
 @jit
-def subspace(a):
+def subspace(a, tolerance):
     """Returns (range, lost): orthonormal columns spanning `a` (d, n), and their complement."""
     d, n = a.shape
     padded = np.zeros((d, max(n, d)))
     padded[:, :n] = a
     u, s, _ = np.linalg.svd(padded)
     r = 0
-    while r < d and s[r] > RANK_TOLERANCE * s[0] and s[r] > 0.0:
+    while r < d and s[r] > tolerance * s[0] and s[r] > 0.0:
         r += 1
     return np.ascontiguousarray(u[:, :r]), np.ascontiguousarray(u[:, r:])
 
@@ -95,7 +96,7 @@ def _outside(a, y, margin, normals):
 def _within(a, y, margin, normals, squared, rows, stack, sizes, span):
     """Margins (3,) where `a` (d, n) lacks rank: in its own subspace. Returns the rank."""
     d, n = a.shape
-    basis, lost = subspace(a)
+    basis, lost = subspace(a, RANK_TOLERANCE)
     r = basis.shape[1]
     for i in range(d - r):
         # a direction counts as lost below the rank tolerance: its set is thin, not without width
@@ -217,14 +218,14 @@ def along(q, half, middle, hover, scale, u):
     n = q.shape[1]
     a, y = np.empty((6, n)), np.empty(6)
     scaled_set(q, half, middle, hover, scale, a, y)
-    basis, lost = subspace(a)
+    basis, lost = subspace(a, THIN)
     span = np.array([-np.inf, np.inf])
     for i in range(lost.shape[1]):
         toward, off = 0.0, 0.0
         for c in range(6):
             toward += lost[c, i] * u[c]
             off += lost[c, i] * y[c]
-        thickness = 0.0  # of a set that is thin, below the rank tolerance, and not flat
+        thickness = 0.0  # of a set too thin for facets, and not flat
         for j in range(n):
             part = 0.0
             for c in range(6):

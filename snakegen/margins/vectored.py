@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from snakegen.errors import AnalysisError
 from snakegen.kernels import shoot, vectored
 from snakegen.margins import inputs, sector
+from snakegen.margins.wrench_search import refine, restrict
 
 Floats = NDArray[np.float64]
 NAMES = ("wrench", "force", "torque")
@@ -147,7 +148,9 @@ class VectoredMargins:
         feasible = np.reshape(self.feasible, -1)
         out = np.full(len(stack), np.nan)
         for i in np.flatnonzero(feasible):
-            lost = vectored.subspace(vectored.columns(stack[i], self.limits / force))[1]
+            lost = vectored.subspace(
+                vectored.columns(stack[i], self.limits / force), vectored.RANK_TOLERANCE
+            )[1]
             if np.abs(lost.T @ direction).max(initial=0.0) > 1e-9 * np.linalg.norm(direction):
                 out[i] = 0.0
                 continue
@@ -194,52 +197,6 @@ def _index(margin: str) -> int:
     if margin not in NAMES:
         raise AnalysisError(f"there is no margin {margin!r}; there are {', '.join(NAMES)}.")
     return NAMES.index(margin)
-
-
-def _starts(count: int, twists: Floats) -> Floats:
-    """Returns (≤ count, 6) start directions: the slices' twists, then axes and mixtures."""
-    known = twists[1:][np.isfinite(twists[1:]).all(axis=1)]
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], (max(count - 12, 0), 6))
-    return np.ascontiguousarray(np.vstack([known, np.eye(6), -np.eye(6), signs])[:count])
-
-
-def _fall(
-    u: Floats, p: Floats, limit: Floats, hover: Floats, bounds: Floats, twists: Floats
-) -> None:
-    """Lowers the wrench bound from direction u: shoot, turn to the normal that was hit, repeat."""
-    normal, before = np.empty(6), np.inf
-    for _ in range(50):
-        above = shoot.shoot(u, p, limit, hover, normal)[1]
-        size = np.linalg.norm(normal)
-        radius, u = above / size, normal / size
-        if radius < bounds[0, 1]:
-            bounds[0, 1], twists[0] = radius, u
-        if radius >= before * (1.0 - 1e-10):
-            return
-        before = radius
-
-
-def _refine(
-    p: Floats, limit: Floats, hover: Floats, bounds: Floats, twists: Floats, rank: int, starts: int
-) -> None:
-    """Searches the wrench margin from many starts, or measures the distance where infeasible."""
-    if bounds[0, 1] < 0.0:
-        low, high = shoot.distance(p, limit, hover, 20000, twists[0])
-        bounds[0] = -high, -low
-    elif rank == 6 and starts:
-        for start in _starts(starts, twists):
-            _fall(start, p, limit, hover, bounds, twists)
-        bounds[0, 0] = min(bounds[0, 0], bounds[0, 1])
-
-
-def _restrict(found: tuple[Floats, Floats], bounds: Floats, twists: Floats) -> None:
-    """Lowers the balls' upper bounds to the hull's where these are less, or hover is lost."""
-    upper, directions = found
-    for k in range(3):
-        if bounds[k, 1] > upper[k]:
-            bounds[k, 1], twists[k] = upper[k], directions[k]
-    if upper[0] < 0.0:
-        bounds[1:], twists[1:] = np.nan, np.nan
 
 
 def vectored_margins(
@@ -294,7 +251,7 @@ def vectored_margins(
     strength = limit[live] / scale[0]
     vectored.batch(stack, strength, wrenches, tolerance, bounds, twists, rank, calls)
     for i in np.flatnonzero((bounds[:, 0, 1] < 0.0) | (starts > 0)):
-        _refine(stack[i], strength, wrenches[i], bounds[i], twists[i], int(rank[i]), starts)
+        refine(stack[i], strength, wrenches[i], bounds[i], twists[i], int(rank[i]), starts)
     low, gimbal, turn = sector.checked(p.shape[-2], minimum, limit, gimbal_limits, rotations)
     hull = gimbal_limits is not None or bool(low.any())
     if hull:
@@ -302,7 +259,7 @@ def vectored_margins(
     if gimbal_limits is not None:
         if p.ndim == 3:
             raise AnalysisError("gimbal_limits are for one posture at a time: rotations differ.")
-        _restrict(
+        restrict(
             sector.hull_bounds(
                 stack[0],
                 strength,

@@ -22,6 +22,7 @@ class Worst:
     angles: Floats
     lower: float
     upper: float
+    closed: bool  # whether the bounds agree to the sweep's tolerance
     sampled: float  # the least value among the samples
     postures: int  # evaluated by the search
 
@@ -30,8 +31,10 @@ def refine(body: Body, table: pa.Table, column: str) -> Worst:
     """Returns the local minimum of `column` reached from the worst rows of `table`.
 
     A pattern search: from each of the worst rows, random directions with a step that halves when
-    nothing improves; all candidates of a round are evaluated in one batch. What it returns is a
-    certified margin of a real posture, not a proof that no posture is worse.
+    nothing improves; all candidates of a round are evaluated in one batch. Where a margin did not
+    close its upper bound counts: a lower bound that was not worked out must not look like the
+    worst posture. What it returns is a certified margin of a real posture, not a proof that no
+    posture is worse.
 
     Raises:
         AnalysisError: no such column, or no finite value in it.
@@ -39,8 +42,7 @@ def refine(body: Body, table: pa.Table, column: str) -> Worst:
     if column not in table.column_names or column in body.joints:
         known = [c for c in table.column_names if c not in body.joints]
         raise AnalysisError(f"no margin '{column}' in the sweep; there are {', '.join(known)}.")
-    values = np.asarray(table[column], float)
-    values = np.where(np.isfinite(values), values, np.inf)
+    values = _score(table, column)
     if not np.isfinite(values).any():
         raise AnalysisError(f"'{column}' is finite at no posture of the sweep.")
     low, high, _ = body.robot.limits(body.joints)
@@ -55,8 +57,7 @@ def refine(body: Body, table: pa.Table, column: str) -> Worst:
         tried = np.clip(at[:, None] + step[:, None, None] * moves * (high - low), low, high)
         found = evaluate(body, tried.reshape(-1, k))
         count += tried.shape[0] * tried.shape[1]
-        score = np.asarray(found[column], float).reshape(len(at), -1)
-        score = np.where(np.isfinite(score), score, np.inf)
+        score = _score(found, column).reshape(len(at), -1)
         pick = score.argmin(axis=1)
         rows = np.arange(len(at))
         better = score[rows, pick] < best
@@ -67,14 +68,28 @@ def refine(body: Body, table: pa.Table, column: str) -> Worst:
             break
     i = int(np.argmin(best))
     sure = evaluate(body, at[i : i + 1])
-    upper = f"{column}_upper"
-    lower_value = float(sure[column][0].as_py())
+    lower = float(sure[column][0].as_py())
+    upper = float(sure[f"{column}_upper"][0].as_py()) if _bracketed(sure, column) else lower
     return Worst(
         column,
         body.joints,
         at[i],
-        lower_value,
-        float(sure[upper][0].as_py()) if upper in sure.column_names else lower_value,
+        lower,
+        upper,
+        bool(sure["closed"][0].as_py()) or upper == lower,
         float(values.min()),
         count,
     )
+
+
+def _bracketed(table: pa.Table, column: str) -> bool:
+    return f"{column}_upper" in table.column_names
+
+
+def _score(table: pa.Table, column: str) -> Floats:
+    """Returns what to minimise: the certified value, the upper bound where it did not close."""
+    values = np.asarray(table[column], float)
+    if _bracketed(table, column):
+        upper = np.asarray(table[f"{column}_upper"], float)
+        values = np.where(np.asarray(table["closed"]), values, upper)
+    return np.where(np.isfinite(values), values, np.inf)

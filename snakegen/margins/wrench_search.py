@@ -1,0 +1,58 @@
+"""The wrench margin of one vectored set: a search from many starts, and the distance outside.
+
+The ball round hover is a non-convex minimum over six-dimensional twists: every start gives an upper
+bound, the best of them is the margin named; the slices bound it from below (THEORY A4).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snakegen.kernels import shoot
+
+Floats = NDArray[np.float64]
+
+
+def _starts(count: int, twists: Floats) -> Floats:
+    """Returns (≤ count, 6) start directions: the slices' twists, then axes and mixtures."""
+    known = twists[1:][np.isfinite(twists[1:]).all(axis=1)]
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (max(count - 12, 0), 6))
+    return np.ascontiguousarray(np.vstack([known, np.eye(6), -np.eye(6), signs])[:count])
+
+
+def _fall(
+    u: Floats, p: Floats, limit: Floats, hover: Floats, bounds: Floats, twists: Floats
+) -> None:
+    """Lowers the wrench bound from direction u: shoot, turn to the normal that was hit, repeat."""
+    normal, before = np.empty(6), np.inf
+    for _ in range(50):
+        above = shoot.shoot(u, p, limit, hover, normal)[1]
+        size = np.linalg.norm(normal)
+        radius, u = above / size, normal / size
+        if radius < bounds[0, 1]:
+            bounds[0, 1], twists[0] = radius, u
+        if radius >= before * (1.0 - 1e-10):
+            return
+        before = radius
+
+
+def refine(
+    p: Floats, limit: Floats, hover: Floats, bounds: Floats, twists: Floats, rank: int, starts: int
+) -> None:
+    """Searches the wrench margin from many starts, or measures the distance where infeasible."""
+    if bounds[0, 1] < 0.0:
+        low, high = shoot.distance(p, limit, hover, 20000, twists[0])
+        bounds[0] = -high, -low
+    elif rank == 6 and starts:
+        for start in _starts(starts, twists):
+            _fall(start, p, limit, hover, bounds, twists)
+        bounds[0, 0] = min(bounds[0, 0], bounds[0, 1])
+
+
+def restrict(found: tuple[Floats, Floats], bounds: Floats, twists: Floats) -> None:
+    """Lowers the balls' upper bounds to the hull's where these are less, or hover is lost."""
+    upper, directions = found
+    for k in range(3):
+        if bounds[k, 1] > upper[k]:
+            bounds[k, 1], twists[k] = upper[k], directions[k]
+    if upper[0] < 0.0:
+        bounds[1:], twists[1:] = np.nan, np.nan
