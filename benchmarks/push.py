@@ -75,7 +75,9 @@ def main() -> None:
                 size = f"{np.linalg.norm(wrench[:3]):5.1f} N {np.linalg.norm(wrench[3:]):5.2f} N·m"
                 kept.append(m["ratio"])
                 mark = " " if m["tracking_lost"] else "+"
-                cells.append(f"{allocator} {size} ratio {m['ratio']:5.3f}{mark} {f['stopped'][:2]}")
+                at = m["limit_ratio"] or np.nan
+                end = f"ratio {m['ratio']:5.3f}{mark}, first limit at {at:5.3f}"
+                cells.append(f"{allocator} {size} {end} {f['stopped'][:2]}")
             print(f"  {i}: " + " | ".join(cells), flush=True)
         for allocator, kept in ratios.items():
             if kept:

@@ -107,7 +107,8 @@ def report_text(recording: Recording) -> str:
     if recording.verdict is not None:
         checks = sorted(recording.verdict.checks, key=lambda c: c.passed)  # failures first
         parts.append(f"### {recording.verdict.summary().capitalize()}")
-        parts.append("\n".join(f"- `{c.line()}`" for c in checks))
+        if "### Checks" not in recording.report:
+            parts.append("\n".join(f"- `{c.line()}`" for c in checks))
     if recording.report:
         parts.append(recording.report)
     return "\n\n".join(parts) or "(no report)"

@@ -134,6 +134,8 @@ def _torques(recording: Recording, start: float, end: float) -> dict[str, Any]:
         limit = _limit(recording, name, torque.shape[1])
         if limit is not None:
             out[f"{name}_use"] = _worst(torque / limit, np.max)
+            full = np.any(torque >= 0.99 * limit, axis=1)
+            out[f"{name}_limit_share"] = np.mean(full) if len(full) else None
     return out
 
 

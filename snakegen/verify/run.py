@@ -1,16 +1,18 @@
 """A verification run from end to end: mission → plan → flight → recording → verdict."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from snakegen.control.controller import Controller, flight_controller, gain_set
+from snakegen.description.mjcf import lowest_point
 from snakegen.errors import MissionError
-from snakegen.kernels.chain import forward
 from snakegen.robot import GRAVITY, Robot
 from snakegen.verify.elastic import modal_frequencies
+from snakegen.verify.flight_report import flight_report
 from snakegen.verify.loop import fly
 from snakegen.verify.metrics import metrics
 from snakegen.verify.missions import is_file, mission
@@ -188,7 +190,8 @@ def judge(recording: Recording, plan: Plan) -> Recording:
     found["completed"] = not recording.meta["stopped"]
     bounds = {"completed": {"equals": True}} | FLIGHT_THRESHOLDS | plan.thresholds
     wanted = {k: v for k, v in bounds.items() if v is not None}
-    return recording.judged(found, verdict(found, wanted))
+    judged = recording.judged(found, verdict(found, wanted))
+    return replace(judged, report=flight_report(judged))
 
 
 def check_references(robot: Robot, plan: Plan) -> None:
@@ -208,10 +211,12 @@ def check_references(robot: Robot, plan: Plan) -> None:
         )
     if plan.on_floor:
         return
+    world = make_world(robot, floor=False)
+    data = mujoco.MjData(world.model)
     for k in np.unique(np.linspace(0, len(plan.time) - 1, 40).astype(int)):
-        q = place(robot, plan.joints[k], plan.position[k], plan.rotation[k])
-        base, origin = robot.base_pose(q)
-        lowest = float(forward(robot.tree, base, origin, robot.angles(q))[1][:, 2].min())
+        world.set_state(data, place(robot, plan.joints[k], plan.position[k], plan.rotation[k]))
+        mujoco.mj_kinematics(world.model, data)
+        lowest = lowest_point(world.model, data)
         if lowest < 0.0:
             raise MissionError(
                 f"the mission leads the body {-lowest:.2f} m into the floor at "

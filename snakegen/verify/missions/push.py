@@ -112,7 +112,7 @@ _UNJUDGED = (
     "attitude_rmse_rad",
     "saturation_share",
     "joint_torque_use",
-    "gimbal_torque_use",
+    "gimbal_torque_limit_share",
     "min_self_distance_m",
 )
 
@@ -126,8 +126,8 @@ def metrics(recording: Recording) -> dict[str, Any]:
     """Returns the push at which tracking was lost, over the prediction: `ratio`.
 
     Tracking is lost at the last instant at which position, attitude and joints are all within
-    5 cm, 0.05 rad and 0.02 rad of how far they lag behind the slow ramp. Where it never was, `ratio` is the
-    end of the ramp over the prediction, and `tracking_lost` is false.
+    5 cm, 0.05 rad and 0.02 rad of how far they lag behind the slow ramp. Where it never was,
+    `ratio` is the end of the ramp over the prediction, and `tracking_lost` is false.
     """
     from snakegen.verify.metrics import attitude_error, position_error
 
@@ -155,8 +155,26 @@ def metrics(recording: Recording) -> dict[str, Any]:
         "lost_wrench": _wrench(float(size[last]), unit) if lost else None,
         "lost_s": float(time[last]) if lost else None,
         "ratio": float(size[last] / found["held"]),
+        "limit_ratio": _first_limit(recording, size / found["held"]),
         "tracking_lost": bool(lost),
     }
+
+
+def _first_limit(recording: Recording, share: Any) -> float | None:
+    """Returns the share of the prediction at which a rotor or a joint servo first is at its limit.
+
+    For the printed pseudo-inverse this is what the `controller` margin promises; the loop may
+    hold on beyond it.
+    """
+    limits = recording.meta["limits"]
+    asked = recording.channel("thrust_command").values
+    most, least = np.asarray(limits["thrust_max"]), np.asarray(limits["thrust_min"])
+    slack = 1e-4 * most
+    at = np.any((asked >= most - slack) | (asked <= least + slack), axis=1)
+    torque = np.abs(recording.channel("joint_torque").values)
+    at |= np.any(torque >= 0.999 * np.asarray(limits["joint_torque"]), axis=1)
+    first = np.flatnonzero(at)
+    return float(share[first[0]]) if first.size else None
 
 
 def _wrench(size: float, unit: Any) -> list[float]:

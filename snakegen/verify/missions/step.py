@@ -66,7 +66,7 @@ def plan(
         thresholds={
             "position_rmse_m": {"at_most": abs(size)},
             "position_max_m": {"at_most": 1.5 * abs(size) + 0.1},
-            "gimbal_torque_use": None,  # a jump asks for all that a servo has
+            "gimbal_torque_limit_share": None,  # a jump asks for all that a servo has
             "overshoot": {"at_most": 0.5},
             "settling_s": {"at_most": hold},
         },

@@ -1,0 +1,146 @@
+"""The document inside a flight's log: what was flown, with what plant, and the paper beside it."""
+
+from typing import Any
+
+from snakegen.verify.recording import Recording
+
+# Tracking errors that ZN23 prints: position x y z [m], attitude roll pitch yaw [rad].
+TABLES: dict[tuple[str, str], tuple[str, tuple[float, ...]]] = {
+    ("transform", "virtual_single_rotor"): (
+        "Table 6",
+        (0.036, 0.038, 0.017, 0.026, 0.033, 0.033),
+    ),
+    ("transform", "dual_rotor"): ("Table 4", (0.076, 0.180, 0.060, 0.033, 0.063, 0.062)),
+    ("ascend", "dual_rotor"): ("5.2.1, ascent to 3 m", (0.099, 0.035, 0.058)),
+}
+_UNITS = {
+    "thrust_mismatch": "1 (standard deviation)",
+    "position_noise": "m",
+    "attitude_bias": "rad",
+    "attitude_noise": "rad",
+    "gyro_noise": "rad/s",
+    "velocity_noise": "m/s",
+    "joint_noise": "rad",
+    "delay": "s",
+}
+_AXES = ("x [m]", "y [m]", "z [m]", "roll [rad]", "pitch [rad]", "yaw [rad]")
+_SHOWN = (
+    ("energy_j", "energy", "J"),
+    ("power_mean_w", "mean power", "W"),
+    ("thrust_max_n", "largest thrust", "N"),
+    ("thrust_headroom", "thrust headroom", "1"),
+    ("saturation_share", "ticks with a rotor at a limit", "1"),
+    ("joint_torque_use", "joint torque over its limit", "1"),
+    ("gimbal_torque_use", "gimbal torque over its limit", "1"),
+    ("sigma_min", "least σ_min on the way", "1"),
+    ("wrench_margin_min", "least wrench margin on the way", "1"),
+    ("force_margin_min_n", "least force margin on the way", "N"),
+    ("torque_margin_min_n_m", "least torque margin on the way", "N·m"),
+    ("min_floor_distance_m", "least distance to the floor", "m"),
+    ("min_self_distance_m", "least distance to itself", "m"),
+    ("min_obstacle_distance_m", "least distance to an obstacle", "m"),
+)
+
+
+def flight_report(recording: Recording) -> str:
+    """Returns the markdown of a judged flight; tables of what it has, nothing of what it lacks."""
+    meta, found = recording.meta, recording.metrics
+    parts = [_head(meta), _checks(recording), _tracking(meta, found), _numbers(found)]
+    parts += [_push(meta, found), _loss(meta), _plant(meta)]
+    return "\n\n".join(p for p in parts if p)
+
+
+def _head(meta: dict[str, Any]) -> str:
+    said = [
+        f"in {str(meta['mode']).replace('_', '-')} mode",
+        f"gains `{meta['gains'] or 'Table 5'}`",
+        f"{meta['allocator']} allocator",
+        "perfect sensors and rotors" if meta["ideal"] else f"seed {meta['seed']}",
+    ]
+    text = f"## {meta['robot']}: {meta['mission']}\n\n" + ", ".join(said) + "."
+    options = {k: v for k, v in meta.get("options", {}).items() if v is not None}
+    if options:
+        text += " Options: " + ", ".join(f"{k} {v}" for k, v in options.items()) + "."
+    if meta.get("stopped"):
+        text += f"\n\n**The run ended early: {meta['stopped']}.**"
+    return text
+
+
+def _checks(recording: Recording) -> str:
+    if recording.verdict is None:
+        return ""
+    sign = {"at_most": "≤", "at_least": "≥", "equals": "="}
+    rows = [
+        (
+            "ok" if c.passed else "**FAIL**",
+            c.metric,
+            _text(c.value),
+            f"{sign[c.kind]} {_text(c.bound)}",
+        )
+        for c in recording.verdict.checks
+    ]
+    return "### Checks\n\n" + table(("", "check", "value", "bound"), rows)
+
+
+def _tracking(meta: dict[str, Any], found: dict[str, Any]) -> str:
+    position, attitude = found.get("position_rmse_m"), found.get("attitude_rmse_rad")
+    if not position or not attitude:
+        return ""
+    name, paper = TABLES.get((meta["mission"], meta["mode"]), ("", ()))
+    rows = [("this flight", *(_text(v) for v in [*position, *attitude]))]
+    if paper:
+        rows.append((f"ZN23 {name}", *(_text(v) for v in paper), *[""] * (6 - len(paper))))
+    return "### Tracking error, RMSE\n\n" + table(("", *_AXES), rows)
+
+
+def _numbers(found: dict[str, Any]) -> str:
+    rows = [(label, _text(found[key]), unit) for key, label, unit in _SHOWN if key in found]
+    return "### On the way\n\n" + table(("", "value", "unit"), rows) if rows else ""
+
+
+def _push(meta: dict[str, Any], found: dict[str, Any]) -> str:
+    forecast = meta.get("facts", {}).get("forecast")
+    if not forecast:
+        return ""
+    rows = [
+        ("predicted to be held", _text(found.get("predicted_wrench"))),
+        ("tracking lost at", _text(found.get("lost_wrench"))),
+        ("ratio", _text(found.get("ratio"))),
+        ("an actuator first at its limit, over the prediction", _text(found.get("limit_ratio"))),
+        ("predicted to be at its limit", ", ".join(forecast["stopped"])),
+        ("acting on", str(forecast["link"])),
+    ]
+    return "### Push: [force N; torque N·m] about the CoG\n\n" + table(("", ""), rows)
+
+
+def _loss(meta: dict[str, Any]) -> str:
+    facts = meta.get("facts", {})
+    if "lost" not in facts:
+        return ""
+    left = float(facts["predicted_wrench_margin"])
+    word = "it can hover on" if left >= 0 else "it must fall"
+    return (
+        f"Lost: {facts['lost']}. The scaled wrench margin without it is {left:.3f}: {word}, "
+        "says the analysis of the posture."
+    )
+
+
+def _plant(meta: dict[str, Any]) -> str:
+    rows = [(k, _text(v), _UNITS.get(k, "")) for k, v in meta.get("plant", {}).items()]
+    return "### Plant\n\n" + table(("", "value", "unit"), rows) if rows else ""
+
+
+def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """Returns a markdown table."""
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, list | tuple):
+        return " ".join(_text(v) for v in value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    return f"{value:.4g}"

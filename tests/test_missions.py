@@ -1,0 +1,158 @@
+"""Missions: plans within limits and floors, responses to known signals, refusals in one line."""
+
+import numpy as np
+import pytest
+
+from snakegen import load
+from snakegen.errors import MissionError, SnakegenError
+from snakegen.spec_file import load_spec
+from snakegen.verify.missions import fail, mission, missions, step
+from snakegen.verify.postures import bent, driven_joints, extent, place, resting_height, slim
+from snakegen.verify.run import prepare, run
+
+FLIGHTS = ("hover", "step", "transform", "ascend", "squeeze", "fail", "switch", "gust")
+
+
+@pytest.fixture(scope="module")
+def dragon4():
+    return load("dragon4")
+
+
+@pytest.fixture(scope="module")
+def dragon3():
+    return load("dragon3")
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize("preset", ["dragon3", "dragon4"])
+def test_plans_are_smooth_and_within_limits(request, preset, name):
+    robot = request.getfixturevalue(preset)
+    plan = mission(name, robot).plan(robot, 200.0)
+    low, high, _ = robot.limits(driven_joints(robot))
+    assert np.all(plan.joints >= low - 1e-9) and np.all(plan.joints <= high + 1e-9)
+    assert np.all(np.diff(plan.time) > 0) and len(plan.position) == len(plan.time)
+    if name != "step":  # whose targets jump
+        slope = np.gradient(plan.position, plan.time, axis=0)
+        np.testing.assert_allclose(slope, plan.velocity, atol=0.02)
+
+
+def test_a_known_second_order_response_is_measured_right():
+    zeta, w = 0.5, 4.0
+    t = np.arange(0.0, 8.0, 0.002)
+    wd = w * np.sqrt(1 - zeta**2)
+    x = 1 - np.exp(-zeta * w * t) * (np.cos(wd * t) + zeta * w / wd * np.sin(wd * t))
+    rise, overshoot, settled = step.response(t, x)
+    assert overshoot == pytest.approx(np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)), rel=1e-3)
+    assert rise == pytest.approx(1.64 / w, rel=0.02)  # of ζ = 0.5, 10 to 90 %
+    assert np.all(np.abs(x[t > settled + 0.01] - 1) <= 0.05)
+    assert step.response(t, 0.5 * x)[2] is None and step.response(t, 0.5 * x)[0] is None
+
+
+def test_no_long_body_touches_itself():
+    for links in (2, 5, 12, 32):
+        robot = load(load_spec("dragon4", links=links))
+        joints = bent(robot)
+        from snakegen.verify.clearance import clearances
+        from snakegen.verify.world import make_world
+
+        world = make_world(robot, floor=False)
+        q = place(robot, joints, np.zeros(3))
+        row = np.concatenate([q[:3], q[[6, 3, 4, 5]], robot.angles(q)])
+        assert clearances(world, row[None])[1][0] > 0.05
+        heading = np.cumsum(joints[1::2])
+        assert np.ptp(heading) > 0.5 or links == 2  # bent, not straight
+
+
+def test_the_slim_body_is_narrower_than_the_opening_and_the_resting_body_wider(dragon4):
+    plan = mission("squeeze", dragon4).plan(dragon4, 200.0)
+    opening = plan.facts["opening_m"]
+    assert np.ptp(extent(dragon4, slim(dragon4))[:, 1]) < opening < plan.facts["span_m"]
+    left, right, lintel = plan.obstacles
+    assert left.centre[1] - left.half[1] == pytest.approx(0.5 * opening)
+    assert right.centre[1] + right.half[1] == pytest.approx(-0.5 * opening)
+    assert lintel.centre[2] - lintel.half[2] == pytest.approx(plan.facts["lintel_m"])
+
+
+def test_at_rest_the_robot_touches_the_floor_and_no_more(dragon4):
+    import mujoco
+
+    from snakegen.description.mjcf import lowest_point
+    from snakegen.verify.world import make_world
+
+    q = place(dragon4, bent(dragon4), np.array([0.0, 0.0, 1.0]))
+    q[2] += resting_height(dragon4, q) - 1.0
+    world = make_world(dragon4)
+    data = mujoco.MjData(world.model)
+    world.set_state(data, q)
+    mujoco.mj_forward(world.model, data)
+    assert lowest_point(world.model, data) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_losing_more_leaves_less_margin(dragon4):
+    q = place(dragon4, bent(dragon4), np.zeros(3))
+    one = fail.margin_without(dragon4, q, fail.rotors_named(dragon4, "apparatus2"))
+    two = fail.margin_without(dragon4, q, (2, 3, 4, 5))
+    assert two < one < fail.margin_without(dragon4, q, ())
+
+
+def test_switching_is_refused_where_rank_forbids_it():
+    straight = {"joint1_yaw": 0.0, "joint2_yaw": 0.0, "joint3_yaw": 0.0}
+    robot = load(load_spec("dragon4", overrides=["control.mode=dual_rotor"]))
+    with pytest.raises(SnakegenError, match="refused"):
+        mission("switch", robot).plan(robot, 200.0, posture=straight)
+
+
+@pytest.mark.parametrize(
+    "name, options, text",
+    [
+        ("hover", {"height": 0.01}, "into the floor"),
+        ("hover", {"duration": -1.0}, "more than 0"),
+        ("hover", {"posture": {"joint1_yaw": 1e-3}}, "singular"),
+        ("fail", {"lost": "rotor9_1"}, "no rotor"),
+        ("gust", {"direction": "up"}, "x, y or z"),
+        ("squeeze", {"gap": 2.0}, "smaller gap"),
+        ("ascend", {"height": 0.01}, "no ascent"),
+        ("transform", {"duration": 1.0}, "too short"),
+    ],
+)
+def test_bad_input_is_one_clear_line(dragon4, name, options, text):
+    with pytest.raises(SnakegenError, match=text) as caught:
+        prepare(dragon4, name, options=options)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "body, text",
+    [
+        ("waypoints:\n  - {time: 0}\n  - {time: 5, position: [0, 0, 0.02]}", "floor"),
+        ("waypoints:\n  - {time: 0}\n  - {time: 5, joints: {joint1_yaw: 3.0}}", "limits"),
+        ("waypoints:\n  - {time: 0}\n  - {time: 5, joints: {joint1_yow: 1.0}}", "joint1_yaw"),
+        ("waypoints:\n  - {time: 0, positon: [0, 0, 1]}", "position"),
+        ("waypoints:\n  - {time: 2}\n  - {time: 1}", "rise"),
+        ("waypoints: 3", "list"),
+    ],
+)  # fmt: skip
+def test_mission_files_are_refused_in_one_line(dragon4, tmp_path, body, text):
+    file = tmp_path / "mine.yaml"
+    file.write_text(body, encoding="utf-8")
+    with pytest.raises(SnakegenError, match=text):
+        prepare(dragon4, str(file))
+
+
+def test_a_mission_file_is_flown(dragon4, tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "waypoints:\n  - {time: 0}\n  - {time: 2, position: [0.2, 0, 1.5], rpy: [0, 0, 0.2]}\n",
+        encoding="utf-8",
+    )
+    recording = run(dragon4, str(file), ideal=True, options={"duration": 3.0})
+    assert recording.verdict.passed, recording.verdict.summary()
+    assert recording.meta["mission"] == "path"
+    assert abs(recording.channel("position").values[-1, 0] - 0.2) < 0.05
+
+
+def test_every_mission_says_what_it_shows():
+    for name, text in missions().items():
+        assert len(text) > 20, name
+    with pytest.raises(MissionError, match="hover"):
+        mission("hovr", None)

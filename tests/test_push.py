@@ -1,0 +1,159 @@
+"""The tie: rays against closed forms and bisection, joint loads against the law, short pushes."""
+
+import numpy as np
+import pytest
+from snakegen.kinetostatics.thrust_loads import thrust_loads
+
+from snakegen import load
+from snakegen.analysis.allocation import allocation
+from snakegen.control.controller import flight_controller
+from snakegen.errors import SnakegenError
+from snakegen.kernels.bounded import ball_allocation, box_within
+from snakegen.kernels.chain import centre_of_gravity, forward
+from snakegen.kernels.joint_loads import JointLoads, force_loads
+from snakegen.kernels.vectoring import joint_order
+from snakegen.kinetostatics.law import joint_torques
+from snakegen.margins.controller import vectored_controller
+from snakegen.margins.rays import Bounds, inverse_ray, thrust_ray, vectored_ray
+from snakegen.margins.thrust import thrust_margins
+from snakegen.verify.forecast import forecast
+from snakegen.verify.postures import bent, place
+from snakegen.verify.run import prepare, run
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load("dragon4")
+
+
+@pytest.fixture(scope="module")
+def hover(robot):
+    return place(robot, bent(robot), np.array([0.0, 0.0, 1.0]))
+
+
+def force_map(a):
+    return np.hstack([np.vstack([np.eye(3), np.cross(p, np.eye(3)).T]) for p in a.thrust_points])
+
+
+@pytest.mark.parametrize("link", ["link1", "link3"])
+def test_loads_are_those_of_the_law(robot, hover, link):
+    rng = np.random.default_rng(3)
+    loads = thrust_loads(robot, hover, link)
+    thrust, push = rng.uniform(0, 10, 8), rng.standard_normal(6)
+    rotation, position = forward(robot.tree, *robot.base_pose(hover), robot.angles(hover))
+    _, cog = centre_of_gravity(robot.tree, rotation, position)
+    body, _, origin = robot.body_of_link(link)
+    lever = cog - position[body] - rotation[body] @ origin
+    wrench = np.r_[push[:3], push[3:] + np.cross(lever, push[:3])]
+    law = joint_torques(robot, hover, terms="static", thrust=thrust, wrenches={link: wrench})[6:]
+    rows = [robot.joint_names.index(n) for n in loads.joints]
+    mine = loads.bias + loads.rotor @ thrust + loads.wrench @ push
+    np.testing.assert_allclose(mine, law[rows], atol=1e-12)
+    assert np.any(np.abs(loads.wrench) > 1e-3) == (link != "link1")
+
+
+def test_kernel_and_law_give_the_same_loads(robot, hover):
+    c = flight_controller(robot, allocator="constrained")
+    base, origin = robot.base_pose(hover)
+    rotation, position = forward(robot.tree, base, origin, robot.angles(hover))
+    from snakegen.control.frame import cog_frame
+
+    frame = cog_frame(c, robot.angles(hover), base, origin)
+    turns = np.array(
+        [
+            [robot.angles(hover)[b - 1] for b in pair]
+            for pair in zip(robot.gimbals.roll_body, robot.gimbals.pitch_body, strict=True)
+        ]
+    )
+    kernel = force_loads(
+        robot.tree, c.gimbals, frame.mounts, joint_order(frame.mounts, turns), rotation, position,
+        frame.cog, frame.axes, 9.81, c.law.joints, c.law.joint_limit,
+    )  # fmt: skip
+    law = thrust_loads(robot, hover)
+    np.testing.assert_allclose(kernel.rows, law.force.reshape(6, -1), atol=1e-10)
+    np.testing.assert_allclose(kernel.bias, law.bias, atol=1e-10)
+
+
+def test_rays_meet_the_zonotope_and_the_controller_margin(robot, hover):
+    a, rng = allocation(robot, hover), np.random.default_rng(5)
+    scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    q = rng.standard_normal((6, 9))
+    w0 = q @ np.full(9, 5.0)
+    margins = thrust_margins(q, 0.0, 10.0, w0, force_scale=50.0, torque_scale=10.0)
+    for _ in range(5):
+        u = rng.standard_normal(6)
+        assert thrust_ray(q, 0.0, 10.0, w0, -u).t == pytest.approx(margins.directional(u), rel=1e-6)
+    whole = vectored_controller(
+        a.thrust_points, robot.gimbals.limit, a.hover_wrench, weights=np.ones(4), **scale
+    )
+    inverse = np.linalg.pinv(force_map(a))
+    reaches = [
+        inverse_ray(
+            inverse, a.hover_wrench, np.r_[e / np.linalg.norm(e), 0, 0, 0], 0.0,
+            robot.gimbals.limit, balls=True,
+        ).t
+        for e in rng.standard_normal((2000, 3))
+    ]  # fmt: skip
+    assert whole.force <= min(reaches) * (1 + 1e-9) and min(reaches) < 1.02 * whole.force
+
+
+def test_the_ray_of_balls_is_where_bounded_allocation_ends(robot, hover):
+    a, loads = allocation(robot, hover), thrust_loads(robot, hover)
+    q, rows = force_map(a), 1.0 / np.repeat([robot.force_scale, robot.torque_scale], 3)
+    rng = np.random.default_rng(1)
+    flat = loads.force.reshape(len(loads.limit), -1)
+    kernel = JointLoads(flat, loads.bias, loads.limit)
+    for _ in range(3):
+        push = np.r_[rng.standard_normal(3), 0.1 * rng.standard_normal(3)]
+        bounds = Bounds(flat, loads.bias, loads.wrench, loads.limit)
+        t = vectored_ray(q, robot.gimbals.limit, a.hover_wrench, push, bounds).t
+        free = vectored_ray(q, robot.gimbals.limit, a.hover_wrench, push).t
+        assert 0 < t <= free * (1 + 1e-6)
+        for share, reached in ((0.98, True), (1.03, False)):
+            wanted = a.hover_wrench - share * t * push
+            f = ball_allocation(q, wanted, rows, robot.gimbals.limit, kernel)
+            met = np.linalg.norm(rows * (q @ f - wanted)) < 1e-4
+            torque = np.abs(loads.bias + flat @ f)
+            assert (met and np.all(torque <= loads.limit * (1 + 1e-3))) == reached
+
+
+def test_a_box_with_joints_keeps_both_bounds():
+    rng = np.random.default_rng(2)
+    q, rows = rng.standard_normal((4, 8)), np.ones(4)
+    wanted = q @ rng.uniform(2, 8, 8)
+    loads = JointLoads(rng.standard_normal((2, 8)), np.zeros(2), np.full(2, 3.0))
+    x = box_within(q, wanted, rows, np.full(8, 10.0), np.zeros(8), np.full(8, 10.0), loads)
+    assert np.all(x >= 0) and np.all(x <= 10)
+    if np.linalg.norm(q @ x - wanted) < 1e-6:
+        assert np.all(np.abs(loads.rows @ x) <= 3.0 + 1e-6)
+
+
+def test_the_joint_limit_is_part_of_the_forecast(robot, hover):
+    paper = forecast(robot, flight_controller(robot), hover)
+    bounded = forecast(robot, flight_controller(robot, allocator="constrained"), hover)
+    assert paper.held < paper.thrust_only and "joint1_yaw" in paper.stopped
+    assert bounded.thrust_only >= bounded.held > 0
+    with pytest.raises(SnakegenError, match="link"):
+        forecast(robot, flight_controller(robot), hover, link="link9")
+
+
+@pytest.mark.parametrize("allocator", ["paper", "constrained"])
+def test_a_push_is_lost_where_the_analysis_says(robot, allocator):
+    options = {"kind": "torque", "slow": 12.0}
+    recording = run(robot, "push", allocator=allocator, ideal=True, options=options)
+    m = recording.metrics
+    assert m["tracking_lost"] and 0.95 <= m["ratio"] <= 1.1
+    if allocator == "paper":
+        assert m["limit_ratio"] == pytest.approx(1.0, abs=0.05)
+    # the same push called by another name would show at once
+    half = np.array(m["predicted_wrench"]) * 0.5
+    lost = np.array(m["lost_wrench"])
+    assert np.linalg.norm(lost) > 1.5 * np.linalg.norm(half)
+
+
+def test_a_singular_posture_is_refused_and_falls_if_forced(robot):
+    straight = {"joint1_yaw": 0.0, "joint2_yaw": 0.0, "joint3_yaw": 0.0}
+    with pytest.raises(SnakegenError):
+        prepare(robot, "push", options={"posture": straight})
+    with pytest.raises(SnakegenError, match="singular"):
+        prepare(robot, "hover", options={"posture": straight})
