@@ -167,8 +167,8 @@ def mesh_folder(robot: Any, log: Path) -> Path:
 def result_json(recording: Any, path: Path) -> dict[str, Any]:
     """Returns what --json prints: metrics, verdict and where the log is."""
     judged = recording.verdict
-    keep = ("robot", "mission", "seed", "mode", "gains", "allocator", "ideal", "stopped")
-    keep += ("modal_frequencies_hz",)
+    told = ("robot", "mission", "seed", "mode", "gains", "allocator", "ideal", "stopped")
+    keep = (*told, "modal_frequencies_hz")
     return (
         {k: recording.meta[k] for k in keep if k in recording.meta}
         | recording.metrics
