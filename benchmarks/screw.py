@@ -1,7 +1,8 @@
 """Screw drive in figures: model against contact, tracking, singular shapes, speeds.
 
-Run: python benchmarks/screw.py [--only twist|track|hold|speed|model]. Two things are always
-compared in one run on one machine; nothing here is asserted.
+Run: python benchmarks/screw.py [--only twist|track|hold|speed|model] [--preset screw4].
+With --preset, contact is that of the MJCF built from that preset's URDF, and not of a bare chain. Two
+things are always compared in one run on one machine; nothing here is asserted.
 """
 
 import argparse
@@ -16,9 +17,12 @@ from snakegen.description.screw_chain import BareChain, screw_mjcf
 from snakegen.description.screw_contact import ScrewContact
 from snakegen.kernels.screw import follow
 from snakegen.paths import FollowReference, TimeLaw, l_crank, path_length, path_pieces, square
+from snakegen.robot import load
 from snakegen.screw_law import constraint_matrices, wheel_rates
 from snakegen.screw_motion import hara_chain
 from snakegen.screw_singularity import search_hold
+from snakegen.spec_file import load_spec
+from snakegen.verify.drive import contact_model
 from snakegen.verify.screw_contact import ContactDrive, drive_contact, measured_twist
 from snakegen.verify.screw_plant import drive_kinematic
 
@@ -40,9 +44,16 @@ STARTS = {
 }
 
 
+PRESET: list[str] = []  # name of the preset whose URDF is driven; a bare chain if empty
+
+
 def plant(build: str) -> ContactDrive:
     """Returns the contact plant of a build."""
     rollers, per_blade = BUILDS[build]
+    if PRESET:
+        changes = (f"rollers={rollers}", f"wheels_per_blade={per_blade}")
+        spec = load_spec(PRESET[0], overrides=[f"screw_drive.{c}" for c in changes])
+        return ContactDrive(contact_model(load(spec)), 4)
     contact = ScrewContact(ALPHA, rollers=rollers, wheels_per_blade=per_blade)
     return ContactDrive(screw_mjcf(BareChain(contact)).compile(), 4)
 
@@ -172,7 +183,10 @@ if __name__ == "__main__":
     tables = {"model": model, "twist": twist, "track": track, "hold": hold, "speed": speed}
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", choices=tables)
-    chosen = parser.parse_args().only
+    parser.add_argument("--preset", metavar="NAME", help="drive the URDF of this preset")
+    given = parser.parse_args()
+    chosen = given.only
+    PRESET += [given.preset] if given.preset else []
     for name, table in tables.items():
         if chosen in (None, name):
             table()

@@ -17,6 +17,7 @@ from snakegen.description.screw_contact import (
     ScrewContact,
     decorate_drive,
     decorate_screws,
+    meet_rollers,
 )
 from snakegen.errors import DescriptionError, SpecError
 from snakegen.modules import from_urdf
@@ -219,10 +220,10 @@ def test_a_missing_body_is_named():
 def test_a_urdf_drives_as_the_bare_chain_does(rollers):
     text = drive_urdf(ALPHA)
     modules = from_urdf(text)
-    spec = decorate(text, modules, {}, visuals=False)
-    full = spec.compile()
+    full = decorate(text, modules, {}, visuals=False).compile()
+    spec = decorate(text, modules, {}, visuals=False, rollers=rollers)
     spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1])
-    decorate_drive(spec, modules, rollers)
+    meet_rollers(spec)
     drive = ContactDrive(spec.compile(), 4)
     assert np.isclose(drive.model.body_mass.sum(), full.body_mass.sum())
     shape, twist = np.array([0.4, 0.2, -0.3]), np.array([0.05, 0.05, 0.2])
