@@ -24,7 +24,7 @@ from snakegen.kinetostatics.follow import (
     reach_point,
 )
 from snakegen.kinetostatics.law import finite
-from snakegen.kinetostatics.paths import checked_path, circle, port, port_of
+from snakegen.kinetostatics.paths import checked_path, circle, port, port_of, through
 from snakegen.kinetostatics.tip import find_tip
 from snakegen.robot import Robot
 
@@ -32,15 +32,21 @@ __all__ = ["Options", "Port", "ReachResult", "analyze", "applies", "circle", "po
 
 COMMAND = "reach"
 ORDER = 70
-EXAMPLE = "arm6 --port 1.2,0,0,1,0,0,0.08 --radius 0.03"
+EXAMPLE = "arm6 --port 1.25,0.08,0.08,1,0,0,0.06 --depth 0.25"
 OPTIONS = {
-    "path": [None, "CSV of x,y,z [m] from the base origin, a row every dt; a circle if absent"],
+    "path": [
+        None,
+        "CSV of x,y,z [m] from the base origin, a row every dt; straight in through the port if "
+        "absent, or a circle without one",
+    ],
     "radius": [0.05, "m, of the circle"],
-    "duration": [10.0, "s, once round"],
+    "depth": [0.2, "m, how far the tip goes in through the port"],
+    "duration": [10.0, "s, of the way in or once round"],
     "dt": [0.01, "s, between samples"],
     "gain": [10.0, "1/s, of the closed loop; 0 integrates open loop and drifts"],
     "corrections": [1, "Newton steps after each sample at most"],
     "give_up": [0.001, "m, tip error at which the path counts as lost"],
+    "margin": [0.0, "rad, kept from the joints' limits"],
     "port": [None, "x,y,z,ax,ay,az,radius: an opening that the body must pass"],
     "tip": [None, "link that carries the tip; the last one if absent"],
     "tip_point": [None, "x,y,z of the tip on that link, m"],
@@ -148,17 +154,19 @@ def analyze(
     tip_point: ArrayLike | None = None,
     options: Options | None = None,
     radius: float = 0.05,
+    depth: float = 0.2,
     duration: float = 10.0,
     dt: float = 0.01,
     gain: float = 10.0,
     corrections: int = 1,
     give_up: float = 1e-3,
+    margin: float = 0.0,
     port: Port | str | None = None,
 ) -> ReachResult:
     """Returns what the tip can reach, and what becomes of a path that it is to follow.
 
-    The base is held. Without a path the tip draws a circle of `radius` round a point that lies an
-    eighth of the reach behind its place.
+    The base is held. Without a path the tip goes straight in through the port; without a port it
+    draws a circle of `radius` round a point that lies an eighth of the reach behind its place.
 
     Args:
         robot: any robot with a chain joint.
@@ -166,8 +174,9 @@ def analyze(
         path: (m, 3) m from the base origin, world axes, a sample every dt; or a CSV file of it.
         tip, tip_point: link and point (m, link axes) that follows; the last link's end if absent.
         options: the loop; made from `dt` … `port` if absent.
-        radius, duration: m and s, of the circle.
+        radius, depth, duration: m, m and s, of the circle and of the way in.
         dt, gain, corrections, give_up: as in `Options`.
+        margin: rad, kept from the joints' limits.
         port: from `port`, or its seven numbers as text.
 
     Raises:
@@ -175,6 +184,9 @@ def analyze(
     """
     q = robot.check_q(q)
     chain = chain_of(robot, q, find_tip(robot, tip, tip_point))
+    if not 0 <= margin < 0.5 * float(np.min(chain.upper - chain.lower)):
+        raise AnalysisError(f"margin = {margin:g} rad leaves the joints no range.")
+    chain = replace(chain, lower=chain.lower + margin, upper=chain.upper - margin)
     if options is None:
         gate = port_of(port)
         options = Options(dt, gain, corrections, give_up=give_up, port=gate)
@@ -183,6 +195,8 @@ def analyze(
     start, J = place(chain, full)
     first, whole = _stretched(chain)
     given = checked_path(path) if path is not None else None
+    if given is None and loop.port is not None:
+        given = through(loop.port, depth, duration, loop.dt)
     if given is None:
         given = _default_circle(chain, full, start, radius, duration, loop)
     u, s, _ = np.linalg.svd(J)

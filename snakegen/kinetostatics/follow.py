@@ -12,8 +12,6 @@ from snakegen.kernels.twist import tip_jacobian
 from snakegen.kinetostatics.tip import Tip
 from snakegen.robot import Robot
 
-_PORT_STEP = 0.02  # rad, largest joint step on the port's behalf
-
 
 @dataclass(frozen=True)
 class Port:
@@ -61,6 +59,7 @@ class Options:
         floor: σ_min / scale below which the inverse is damped.
         damping: λ / scale at σ_min = 0.
         port: opening to pass.
+        port_rate: rad/s, largest joint rate on the port's behalf.
     """
 
     dt: float = 0.01
@@ -73,6 +72,7 @@ class Options:
     floor: float = 0.02
     damping: float = 0.02
     port: Port | None = None
+    port_rate: float = 2.0
 
 
 @dataclass(frozen=True)
@@ -257,7 +257,9 @@ def _move(
             pull = damped_right_inverse(rows @ spare, floor, most)[0]
             turn = pull @ (-0.2 * off - rows @ taken)
             # A body far off the port comes in by and by: a long step would lose the path.
-            wish = wish + turn * min(1.0, _PORT_STEP / max(float(np.max(np.abs(turn))), 1e-12))
+            wish = wish + turn * min(
+                1.0, options.port_rate * options.dt / max(float(np.max(np.abs(turn))), 1e-12)
+            )
     at = full[chain.joints]
     below, above = np.minimum(chain.lower - at, 0.0), np.maximum(chain.upper - at, 0.0)
     step = limited_step(J, e, wish, below, above, floor, most)

@@ -27,6 +27,22 @@ def circle(
     return np.asarray(finite(centre, (3,), "centre") + radius * ring)
 
 
+def through(gate: Port, depth: float, duration: float, dt: float = 0.01) -> Floats:
+    """Returns the straight way (m, 3) [m] in through a port along its axis, at rest at its ends.
+
+    It begins a quarter of the depth before the port's plane.
+
+    Raises:
+        AnalysisError: a depth or duration that is not positive.
+    """
+    if not (depth > 0 and duration > 0 and dt > 0):
+        raise AnalysisError("a way through a port needs a depth, duration and dt above 0.")
+    t = np.linspace(0.0, 1.0, max(int(round(duration / dt)), 2) + 1)
+    share = t**3 * (10 - 15 * t + 6 * t * t)
+    along = -0.25 * depth + 1.25 * depth * share
+    return np.asarray(gate.centre + along[:, None] * gate.axis)
+
+
 def port(centre: ArrayLike, axis: ArrayLike, radius: float) -> Port:
     """Returns an opening the body must pass, its axis pointing inwards.
 
