@@ -134,8 +134,8 @@ def _torques(recording: Recording, start: float, end: float) -> dict[str, Any]:
         limit = _limit(recording, name, torque.shape[1])
         if limit is not None:
             out[f"{name}_use"] = _worst(torque / limit, np.max)
-            full = np.any(torque >= 0.99 * limit, axis=1)
-            out[f"{name}_limit_share"] = np.mean(full) if len(full) else None
+            full = np.mean(torque >= 0.99 * limit, axis=0) if len(torque) else torque
+            out[f"{name}_limit_share"] = _worst(full, np.max)  # of ticks, the busiest servo
     return out
 
 
