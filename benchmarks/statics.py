@@ -8,21 +8,25 @@ names, the same equations solved as the band that they are, Pinocchio's RNEA one
 this package's kernel in a sweep.
 """
 
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from scipy.linalg import solve_banded
 
 import snakegen
-from snakegen.analysis import reach
+from snakegen.analysis import cables, reach
 from snakegen.analysis.statics import joint_torques
+from snakegen.errors import AnalysisError
 from snakegen.geometry import skew
 from snakegen.kernels.chain import forward
 from snakegen.kernels.dynamics import DEPTHS, torque_terms, torque_terms_batch
 from snakegen.kernels.inverse_dynamics import NO_LOADS, torques_batch
 from snakegen.kernels.tree import Tree
+from snakegen.verify.run import run
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 LENGTH = 0.1
@@ -196,7 +200,71 @@ def published() -> None:
         print(f"circle of 50 mm in 5 s at 10 ms, {what}: {1e3 * error.max():.4f} mm at most")
 
 
+def in_mujoco() -> None:
+    """Prints Table 3's motion by MuJoCo's servos and inverse dynamics against the law."""
+    robot = snakegen.load("arm6")
+    print("\nTable 3's motion in MuJoCo: largest gap to the law as a share of each joint's peak")
+    for lead in ("law", "speed", "none"):
+        rec = run(robot, "table3", options={"lead": lead})
+        m = rec.metrics
+        print(
+            f"  servos led by {lead:5s}  {100 * m['torque_gap_share']:8.3f} %  (law of the motion "
+            f"made {m['made_gap_share']:.0e}, inverse dynamics {m['inverse_gap_share']:.0e}, "
+            f"tracking {1e3 * m['joint_tracking_max_rad']:.3f} mrad)"
+        )
+    law = np.abs(run(robot, "table3").channel("joint_torque").values).max(axis=0)
+    print("  servos' peaks [N mm]:", " ".join(f"{1e3 * x:.1f}" for x in law))
+    rec = run(robot, "tip_path")
+    tip, ik = rec.metrics["position_max_m"], rec.metrics["ik_error_max_m"]
+    print(
+        f"50 mm circle under gravity by the servos: tip {1e3 * tip:.4f} mm off, IK {1e3 * ik:.4f}"
+    )
+
+
+def friction() -> None:
+    """Prints what dry friction makes of Table 3's torques, and whether it explains Table 5."""
+    robot = snakegen.load("arm6")
+    rec = run(robot, "table3", options={"friction": "0.1,0.06"})
+    time, rate = rec.time, rec.channel("joint_rate").values
+    gap = rec.channel("joint_torque").values - rec.channel("joint_torque_law").values
+    print("\nfriction 0.1 N m static, 0.06 sliding: servos less law [N mm], joints 1 and 12")
+    for t in (0.25, 0.4, 0.48, 0.49, 0.51, 0.52, 0.6, 0.75):
+        k = int(np.argmin(np.abs(time - t)))
+        print(f"  t {t:4.2f} s  rate {rate[k, 0]:+.3f} rad/s  ", (1e3 * gap[k, [0, 11]]).round(1))
+    plain = np.abs(run(robot, "table3").channel("joint_torque_law").values).max(axis=0)
+    off = 1e3 * (TABLE_5 - plain)
+    print("Table 5 less the law without friction [N mm]:", " ".join(f"{x:+.1f}" for x in off))
+    print("the same as a share of the law [%]:", " ".join(f"{x:+.1f}" for x in off / plain / 10))
+
+
+def tendons() -> None:
+    """Prints what MuJoCo says of postures held by cables."""
+    robot = snakegen.load("arm6")
+    rng = np.random.default_rng(3)
+    worst, held = np.zeros(3), 0
+    with tempfile.TemporaryDirectory() as folder:
+        for k in range(20):
+            q = rng.uniform(-0.4, 0.4, 12)
+            path = Path(folder) / f"{k}.xml"
+            try:
+                found = cables.analyze(robot, q, mjcf=path)
+            except AnalysisError:
+                continue
+            held += 1
+            torque = [found.held.torque[n] for n in found.joints]
+            miss = np.max(np.abs(torque - found.torque))
+            worst = np.maximum(worst, [miss, found.held.acceleration, found.held.drift])
+    print(
+        f"\ncables as MuJoCo tendons, {held} of 20 random postures under gravity can be held: "
+        f"torque {worst[0]:.0e} N m off, acceleration {worst[1]:.0e} rad/s², "
+        f"drift in 1 s {worst[2]:.0e} rad"
+    )
+
+
 if __name__ == "__main__":
     agreement()
     cost()
     published()
+    in_mujoco()
+    friction()
+    tendons()
