@@ -88,7 +88,7 @@ def plan(
         disturbance=share[:, None] * found.held * found.push[None],
         disturbance_link=found.link,
         disturbance_at_cog=True,
-        give_up=1.5,
+        give_up=0.8,
         events=(
             (float(corners[1]), "push begins"),
             (float(corners[3]), f"{KNEE:g} of the predicted wrench; slowly from here"),

@@ -20,7 +20,7 @@ OPTIONS = {
 }
 _SETTLE = 2.0  # s, of hover between the parts
 _WALL = 0.05  # m, half its thickness
-_WIDE = 3.0  # m, half width of the wall
+_WIDE = 1.2  # m, half width of the wall: wide enough to meet, narrow enough to see past
 
 
 def applies(robot: Robot) -> bool:
@@ -93,11 +93,11 @@ def _run_up(big: Floats, small: Floats, gap: float) -> tuple[float, float]:
 def _wall(opening: float, lintel: float) -> tuple[Box, ...]:
     """Returns two posts and the lintel over them; floor to well above the robot."""
     half = 0.25 * (2.0 * _WIDE - opening)
-    middle, top = 0.5 * opening + half, lintel + 1.5
+    middle, top = 0.5 * opening + half, lintel + 0.3
     return (
         Box("post_left", (0.0, middle, 0.5 * top), (_WALL, half, 0.5 * top)),
         Box("post_right", (0.0, -middle, 0.5 * top), (_WALL, half, 0.5 * top)),
-        Box("lintel", (0.0, 0.0, 0.5 * (lintel + top)), (_WALL, 0.5 * opening, 0.75)),
+        Box("lintel", (0.0, 0.0, 0.5 * (lintel + top)), (_WALL, 0.5 * opening, 0.15)),
     )
 
 
