@@ -1,7 +1,7 @@
 """A sweep of a million postures of a preset: time by stage, rows that closed, peak memory.
 
 Run: ``python benchmarks/sweep.py`` (``--samples 1000000 --workers 2 --robot dragon4``). Memory is
-the resident set of this process and all its children together, sampled while the sweep runs; the
+that of this process and all its children together, sampled while the sweep runs; the
 machine's load before it starts is printed, as other work on the same cores makes it slower.
 """
 
@@ -21,27 +21,31 @@ from snakegen.sweep.run import sweep
 from snakegen.sweep.samples import draw
 
 
-def resident(pid: int) -> int:
-    """Returns the resident memory of a process and its descendants, bytes (Linux)."""
+def memory(pid: int) -> int:
+    """Returns the memory of a process and its descendants, bytes (Linux).
+
+    Proportional set size: a page that several of them share (libraries) counts once in all.
+    """
     try:
-        total = int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+        rows = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+        total = next(int(row.split()[1]) * 1024 for row in rows if row.startswith("Pss:"))
         tasks = Path(f"/proc/{pid}/task").glob("*/children")
         children = [child for task in tasks for child in task.read_text().split()]
-    except OSError:  # it has ended meanwhile
+    except (OSError, StopIteration):  # it has ended meanwhile
         return 0
-    return total + sum(resident(int(child)) for child in children)
+    return total + sum(memory(int(child)) for child in children)
 
 
 class Watch(threading.Thread):
-    """Samples the resident memory until told to stop."""
+    """Samples the memory until told to stop."""
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
         self.peak, self.done = 0, threading.Event()
 
     def run(self) -> None:
-        while not self.done.wait(0.1):
-            self.peak = max(self.peak, resident(os.getpid()))
+        while not self.done.wait(0.5):
+            self.peak = max(self.peak, memory(os.getpid()))
 
 
 def main() -> None:

@@ -22,7 +22,7 @@ class Worst:
     angles: Floats
     lower: float
     upper: float
-    closed: bool  # whether the bounds agree to the sweep's tolerance
+    closed: bool  # whether these bounds agree to the sweep's tolerance
     sampled: float  # the least value among the samples
     postures: int  # evaluated by the search
 
@@ -42,7 +42,7 @@ def refine(body: Body, table: pa.Table, column: str) -> Worst:
     if column not in table.column_names or column in body.joints:
         known = [c for c in table.column_names if c not in body.joints]
         raise AnalysisError(f"no margin '{column}' in the sweep; there are {', '.join(known)}.")
-    values = _score(table, column)
+    values = _score(table, column, body.tolerance)
     if not np.isfinite(values).any():
         raise AnalysisError(f"'{column}' is finite at no posture of the sweep.")
     low, high, _ = body.robot.limits(body.joints)
@@ -57,7 +57,7 @@ def refine(body: Body, table: pa.Table, column: str) -> Worst:
         tried = np.clip(at[:, None] + step[:, None, None] * moves * (high - low), low, high)
         found = evaluate(body, tried.reshape(-1, k))
         count += tried.shape[0] * tried.shape[1]
-        score = _score(found, column).reshape(len(at), -1)
+        score = _score(found, column, body.tolerance).reshape(len(at), -1)
         pick = score.argmin(axis=1)
         rows = np.arange(len(at))
         better = score[rows, pick] < best
@@ -76,7 +76,7 @@ def refine(body: Body, table: pa.Table, column: str) -> Worst:
         at[i],
         lower,
         upper,
-        bool(sure["closed"][0].as_py()) or upper == lower,
+        upper - lower <= body.tolerance * upper,
         float(values.min()),
         count,
     )
@@ -86,10 +86,10 @@ def _bracketed(table: pa.Table, column: str) -> bool:
     return f"{column}_upper" in table.column_names
 
 
-def _score(table: pa.Table, column: str) -> Floats:
+def _score(table: pa.Table, column: str, tolerance: float) -> Floats:
     """Returns what to minimise: the certified value, the upper bound where it did not close."""
     values = np.asarray(table[column], float)
     if _bracketed(table, column):
         upper = np.asarray(table[f"{column}_upper"], float)
-        values = np.where(np.asarray(table["closed"]), values, upper)
+        values = np.where(upper - values <= tolerance * upper, values, upper)
     return np.where(np.isfinite(values), values, np.inf)
