@@ -210,7 +210,7 @@ def analyze(
     lasts = _seconds(duration)
     moved = motion_of(robot, motion, duration=lasts, start=start, ends=ends)
     if gravity is None:
-        gravity = np.zeros(3) if moved.name == "table3" else DOWN
+        gravity = np.zeros(3) if moved.name.startswith("table3") else DOWN
     rub = friction_of(friction)
     along = torques_along(
         robot, q, moved, moved.times(rate), wrenches=wrenches, gravity=_vector(gravity)

@@ -18,7 +18,6 @@ from snakegen.memory import refuse_beyond
 from snakegen.robot import Robot
 
 Sampled = tuple[Floats, Floats, Floats]
-TABLE_3 = {"amplitude": 0.2, "period": 2.0}  # rad, s: 0.2 sin πt on every joint
 _CHECKED = 2000  # instants at which limits are looked at, at least
 _PER_SAMPLE = 4  # numbers that a joint has at an instant: time, angle, rate, acceleration
 _FINE = 1e-3  # s, between the nodes at which a function is sampled
@@ -54,24 +53,6 @@ class Motion:
             8.0 * _PER_SAMPLE * count, f"{self.name} at {rate:g} samples a second", remedy
         )
         return np.linspace(0.0, self.duration, max(round(self.duration * rate), 1) + 1)
-
-
-def table3(
-    robot: Robot,
-    *,
-    amplitude: float = TABLE_3["amplitude"],
-    period: float = TABLE_3["period"],
-    duration: float = 6.0,
-) -> Motion:
-    """Returns ZS24 Table 3's motion: 0.2 sin πt on every joint, for 6 s, signs + - + - …
-
-    The paper prints no signs; these are the ones that give its Table 5 (THEORY C).
-    """
-    joints = robot.chain_joints
-    waves = {
-        n: {"amplitude": amplitude * (-1.0) ** i, "period": period} for i, n in enumerate(joints)
-    }
-    return sines(robot, waves, duration, name="table3")
 
 
 def sines(
@@ -219,9 +200,7 @@ def checked(robot: Robot, motion: Motion) -> Motion:
             f"{motion.name}: {motion.joints[j]} goes to {angle[k, j]:.4g} rad at {time[k]:.3g} s, "
             f"outside its limits {low[j]:.4g} … {high[j]:.4g}."
         )
-    fastest = robot.model.upperVelocityLimit
-    joints = [robot.model.joints[robot.model.getJointId(n)] for n in motion.joints]
-    most = np.array([float(fastest[j.idx_v]) for j in joints])
+    most = speed_limits(robot, motion.joints)
     over = np.abs(rate) - most * (1 + 1e-9)
     if np.any(over > 0):
         k, j = np.unravel_index(int(np.argmax(over)), over.shape)
@@ -231,6 +210,12 @@ def checked(robot: Robot, motion: Motion) -> Motion:
             f"{time[k]:.3g} s; its servo does {most[j]:.4g}: take {times:.3g} times as long."
         )
     return motion
+
+
+def speed_limits(robot: Robot, names: tuple[str, ...]) -> Floats:
+    """Returns the servos' speed limits (k,) [rad/s]."""
+    joints = [robot.model.joints[robot.model.getJointId(n)] for n in names]
+    return np.array([float(robot.model.upperVelocityLimit[j.idx_v]) for j in joints])
 
 
 def _start(robot: Robot, start: ArrayLike | None) -> Floats:

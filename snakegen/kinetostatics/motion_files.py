@@ -11,6 +11,7 @@ from snakegen import yaml_file
 from snakegen.errors import AnalysisError, near
 from snakegen.kinetostatics import motion as motions
 from snakegen.kinetostatics.motion import Motion
+from snakegen.kinetostatics.table3 import table3_within
 from snakegen.robot import Robot
 
 _FORMS = "'table3', a CSV (time,joint1_pitch,…) or a YAML file (sines: or time:)"
@@ -43,7 +44,7 @@ def motion_of(
         return source
     name = str(source)
     if name == "table3":
-        return motions.table3(robot, duration=6.0 if duration is None else duration)
+        return table3_within(robot, duration=duration)
     suffix = Path(name).suffix.lower()
     if suffix == ".csv":
         if duration is not None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from snakegen.kinetostatics.motion import table3
+from snakegen.kinetostatics.table3 import table3
 from snakegen.robot import Robot
 from snakegen.verify.arm_run import arm_metrics, movable, run_arm, with_defaults
 from snakegen.verify.recording import Recording
