@@ -1,5 +1,6 @@
 """The document inside a flight's log: what was flown, with what plant, and the paper beside it."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from snakegen.verify.recording import Recording
@@ -130,9 +131,9 @@ def _plant(meta: dict[str, Any]) -> str:
     return "### Plant\n\n" + table(("", "value", "unit"), rows) if rows else ""
 
 
-def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Returns a markdown table."""
-    lines = [head, tuple("---" for _ in head), *rows]
+    lines: list[Sequence[str]] = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 

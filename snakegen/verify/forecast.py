@@ -158,7 +158,10 @@ def _printed(
 def _weakest(robot: Robot, controller: Controller, q: Floats, kind: str, link: str) -> Floats:
     """Returns the push (6,) against which the allocator is weakest: unit of its kind."""
     a = allocation(robot, q)
-    scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    scale: dict[str, Any] = {
+        "force_scale": robot.force_scale,
+        "torque_scale": robot.torque_scale,
+    }
     virtual = controller.mode == VIRTUAL
     if controller.law.constrained:
         if virtual:

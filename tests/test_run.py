@@ -1,0 +1,69 @@
+"""A run from end to end: bits repeat, refusals name numbers, the report says what was flown."""
+
+import numpy as np
+import pytest
+
+from snakegen import load
+from snakegen.analysis import control
+from snakegen.errors import MissionError
+from snakegen.spec_file import load_spec
+from snakegen.verify.metrics import metrics
+from snakegen.verify.run import run
+
+SHORT = {"duration": 1.0}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load("dragon4")
+
+
+@pytest.fixture(scope="module")
+def flown(robot):
+    return run(robot, "hover", seed=4, options=SHORT)
+
+
+def test_the_same_seed_gives_the_same_bits(robot, flown):
+    again, other = (run(robot, "hover", seed=s, options=SHORT) for s in (4, 5))
+    q = flown.channel("q").values
+    assert np.array_equal(q, again.channel("q").values)
+    assert not np.array_equal(q, other.channel("q").values)
+
+
+def test_metrics_come_from_the_recording_alone(flown):
+    again = metrics(flown)
+    assert {k: flown.metrics[k] for k in again} == again
+
+
+def test_the_report_names_plant_checks_and_the_paper(robot, flown):
+    assert "| ok | took_off" in flown.report and "thrust_mismatch" in flown.report
+    assert "ZN23" not in flown.report
+    lost = run(robot, "fail", options={"at": 0.2, "duration": 0.8})
+    assert "must fall" in lost.report and "apparatus2" in lost.report
+
+
+def test_a_robot_too_heavy_to_fly_is_refused_with_its_numbers():
+    heavy = load(load_spec("dragon4", overrides=["chain.mass=5.0"]))
+    with pytest.raises(MissionError, match="thrust to weight"):
+        run(heavy, "hover", options=SHORT)
+
+
+def test_printed_gains_of_table_3_are_unstable_and_fail():
+    snake = load("dragon3")
+    found = control.analyze(snake)
+    lateral = found.loops["paper", "dual_rotor"][1]
+    assert not lateral.stable and lateral.delay_margin == 0.0
+    assert all(loop.stable for loop in found.loops["tuned", "dual_rotor"])
+    recording = run(snake, "hover", gains="paper", options={"duration": 12.0})
+    assert not recording.verdict.passed
+
+
+def test_a_rotor_lost_gives_nothing_and_the_controller_asks_nothing_of_it(robot):
+    recording = run(robot, "fail", options={"lost": "rotor2_1", "at": 0.3, "duration": 1.0})
+    time = recording.time
+    names = recording.channel("thrust").labels
+    k = names.index("rotor2_1")
+    late = time > 0.7
+    assert recording.channel("thrust").values[late, k].max() < 0.01
+    assert recording.channel("thrust_command").values[late, k].max() == 0.0
+    assert recording.channel("thrust").values[time < 0.29, k].min() > 1.0
