@@ -254,3 +254,26 @@ def test_bad_requests_are_one_line(robot: Robot) -> None:
         draw("sobol", 0, 0, np.zeros(2), np.ones(2))
     with pytest.raises(AnalysisError, match="needs rotors"):
         Body.of(load("arm6"), ("joint1_pitch",), np.eye(3), 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--margin", "force_margn"], "Did you mean 'force_margin'"),
+        (["--base-rpy", "nan,0,0"], "--base-rpy 'nan,0,0': write three angles"),
+        (["--workers", "0"], "0 is not in the range"),
+        (["--tolerance", "nan"], "tolerance is nan; it must be finite"),
+        (["--samples", "0"], "between 1 and"),
+        (["--joints", "joint1_yav"], "Did you mean 'joint1_yaw'"),
+    ],
+)
+def test_bad_options_are_one_line_before_any_work(
+    arguments: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from snakegen.cli import main
+
+    out = tmp_path / "s.parquet"
+    with pytest.raises(SystemExit) as left:
+        main(["analyze", "sweep", "dragon4", "--samples", "4", "-o", str(out), *arguments])
+    assert left.value.code in (1, 2)
+    assert says in capsys.readouterr().err and not out.exists()

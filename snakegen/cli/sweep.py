@@ -1,5 +1,6 @@
 """`snakegen analyze sweep`: margins of many postures to Parquet, with a map."""
 
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ from snakegen.cli.options import (
 )
 @click.option("-o", "--out", metavar="FILE.parquet", type=click.Path(), help="The table to write.")
 @click.option("--resume", is_flag=True, help="Go on with an interrupted sweep.")
-@click.option("--workers", type=int, help="Processes; all cores by default.")
+@click.option("--workers", type=click.IntRange(1), help="Processes; all cores by default.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask scheduler, as in tcp://10.0.0.5:8786.")
 @click.option("--worst", is_flag=True, help="Refine the worst posture by local search.")
 @click.option(
@@ -82,6 +83,7 @@ def sweep(
     from snakegen.sweep.run import sweep as run
     from snakegen.sweep.samples import chosen_joints, draw, read_table
 
+    _check_margin(column)
     machine = robot_of(robot, links, apparatus, overrides, modules)
     names = chosen_joints(machine, joints)
     low, high, _ = machine.limits(names)
@@ -133,6 +135,18 @@ def _spec_text(
     return yaml_file.dump(spec.resolved())
 
 
+def _check_margin(column: str) -> None:
+    """Refuses an unknown margin before the sweep, not after it."""
+    from snakegen.errors import AnalysisError, near
+    from snakegen.sweep.batch import MARGINS
+
+    if column not in MARGINS:
+        raise AnalysisError(
+            f"there is no margin '{column}'.{near(column, MARGINS)} "
+            f"A sweep gives {', '.join(MARGINS)}."
+        )
+
+
 def _rpy(text: str | None) -> tuple[float, float, float]:
     from snakegen.errors import PostureError
 
@@ -140,6 +154,8 @@ def _rpy(text: str | None) -> tuple[float, float, float]:
         return (0.0, 0.0, 0.0)
     try:
         r, p, y = (float(part) for part in text.split(","))
+        if not all(isfinite(angle) for angle in (r, p, y)):
+            raise ValueError
     except ValueError:
         raise PostureError(f"--base-rpy '{text}': write three angles, as in 0,0.2,0.") from None
     return (r, p, y)
@@ -148,12 +164,6 @@ def _rpy(text: str | None) -> tuple[float, float, float]:
 def _summary(found: Any, column: str) -> dict[str, Any]:
     import numpy as np
 
-    from snakegen.errors import AnalysisError
-
-    if column not in found.column_names:
-        raise AnalysisError(
-            f"no margin '{column}' in the sweep; there are {', '.join(found.column_names)}."
-        )
     values = np.asarray(found[column], float)
     finite = values[np.isfinite(values)]
     quantiles = np.quantile(finite, [0.0, 0.01, 0.5, 1.0]) if finite.size else [np.nan] * 4
