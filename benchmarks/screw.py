@@ -1,8 +1,8 @@
 """Screw drive in figures: model against contact, tracking, singular shapes, speeds.
 
 Run: python benchmarks/screw.py [--only twist|track|hold|speed|model] [--preset screw4].
-With --preset, contact is that of the MJCF built from that preset's URDF, and not of a bare chain. Two
-things are always compared in one run on one machine; nothing here is asserted.
+With --preset, contact is that of the MJCF built from that preset's URDF, and not of a bare chain.
+Two things are always compared in one run on one machine; nothing here is asserted.
 """
 
 import argparse

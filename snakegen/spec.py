@@ -45,11 +45,15 @@ class Chain(Part):
     )
 
 
+def _pitch_yaw() -> list[Axis]:
+    return ["pitch", "yaw"]
+
+
 class Joint(Part):
     """What joins two links: one or two axes, with `gap` between the two."""
 
     axes: list[Axis] | list[list[Axis]] = Field(
-        default_factory=lambda: ["pitch", "yaw"],
+        default_factory=_pitch_yaw,
         description="axes from root to tip; or a list of them per joint",
     )
     gap: NonNegative | list[NonNegative] = Field(0.0, description="m, first to second axis")

@@ -169,8 +169,7 @@ def _roll_moments(robot: Robot, a: Allocation, thrust: Floats) -> tuple[Floats, 
         axis = a.link_axes[j] @ _roll_axis(robot, j)
         arm = a.rotor_positions[mine] - a.thrust_points[j]
         unit = (
-            np.cross(arm, a.rotor_axes[mine])
-            + rotors.torque_ratio[mine, None] * a.rotor_axes[mine]
+            np.cross(arm, a.rotor_axes[mine]) + rotors.torque_ratio[mine, None] * a.rotor_axes[mine]
         ) @ axis
         now[j] = float(unit @ thrust[mine])
         high, low = rotors.thrust_max[mine], rotors.thrust_min[mine]

@@ -196,7 +196,8 @@ def _leaves(start: float, slope: float, low: float, high: float) -> float:
 
 def _leaves_ball(start: Floats, slope: Floats, limit: float) -> float:
     """Returns the t ≥ 0 at which ``‖start + t slope‖ = limit``; nan if it is outside at 0."""
-    a, b, c = slope @ slope, start @ slope, start @ start - limit**2
+    a, b = float(slope @ slope), float(start @ slope)
+    c = float(start @ start) - limit**2
     if c > 1e-9:
         return float("nan")
     return float((-b + np.sqrt(b * b - a * min(c, 0.0))) / a) if a > 1e-28 else float("inf")
