@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from snakegen import log
 from snakegen.errors import AnalysisError, MissionError
 from snakegen.robot import load
+from snakegen.screw_robot import drive_geometry
 from snakegen.spec_file import load_spec
 from snakegen.verify.drive import contact_model, run_contact
 from snakegen.verify.drive_plan import DrivePlan, curled, following
@@ -19,6 +21,7 @@ from snakegen.verify.drive_record import drive, judge
 from snakegen.verify.join import join
 from snakegen.verify.missions import missions
 from snakegen.verify.missions.lcrank import first_state
+from snakegen.verify.missions.ledge import Lift, floor_under
 from snakegen.verify.plan import Box
 from snakegen.verify.run import run
 
@@ -117,6 +120,37 @@ def test_soft_pitch_joints_help_on_rough_ground(screw4):
     stiff = run(screw4, "rough", options=short_way | {"compliance": 1.0})
     air = [np.mean(r.metrics["airborne_share"]) for r in (soft, stiff)]
     assert air[0] < air[1] and soft.metrics["distance_end_m"] < 0.03
+
+
+def test_pitch_joints_lift_the_body_over_a_ledge(screw4):
+    """Item 7 of the drive's plan; without lifting the same drive does not get over."""
+    with pytest.raises(MissionError, match="casters on the first and last"):
+        run(screw4, "ledge")
+    robot = load(load_spec("screw4", overrides=["caster.at=1@0,4@1"]))
+    with pytest.raises(MissionError, match=r"0\.904 m: two"):
+        run(robot, "ledge", options={"length": 0.5})
+    lifted = run(robot, "ledge")
+    flat = run(robot, "ledge", options={"lift": False})
+    assert lifted.verdict.passed, lifted.verdict.summary()
+    top = lifted.channel("position").values[:, 2].max()
+    assert top > 0.075 + lifted.meta["facts"]["ledge_m"]
+    assert flat.metrics["distance_rmse_settled_m"] > 5 * lifted.metrics["distance_rmse_settled_m"]
+
+
+def test_heights_over_a_ledge_are_the_constrained_least_squares(screw4):
+    """The least-distance solution against a general solver; no drum below its floor."""
+    lift = Lift(drive_geometry(screw4), (0.4, 1.6), 0.02)
+    for s in (0.3, 0.45, 0.7, 0.9):
+        z, least = lift.heights(s), floor_under(s - lift.places, lift.edges, 0.02)
+        assert (lift.rows @ z - least).min() > -1e-9
+        wish = np.concatenate([lift.weight * least, np.zeros(len(lift.cost) - len(least))])
+        found = minimize(
+            lambda x, c=wish: 1e4 * np.sum((lift.cost @ x - c) ** 2),
+            z + 0.01,
+            constraints={"type": "ineq", "fun": lambda x, f=least: lift.rows @ x - f},
+            options={"ftol": 1e-14, "maxiter": 500},
+        )
+        assert 1e4 * np.sum((lift.cost @ z - wish) ** 2) <= found.fun + 1e-6
 
 
 def test_friction_is_what_drives(screw4):
