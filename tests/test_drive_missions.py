@@ -90,6 +90,16 @@ def test_square_needs_feedback(quick):
     assert steered.metrics["distance_rmse_m"] < 0.5 * blind.metrics["distance_rmse_m"]
 
 
+def test_paths_of_ones_own(quick):
+    corner = {"points": [[1, 1], [1, 2.2], [2.2, 2.2]], "radius": 0.6}
+    recording = run(quick, "follow", options=corner)
+    assert recording.verdict.passed, recording.verdict.summary()
+    assert np.allclose(recording.channel("position").values[-1, :2], [2.2, 2.2], atol=0.01)
+    assert run(quick, "follow", options={"speed": 0.2}).verdict.passed
+    with pytest.raises(MissionError, match="Did you mean"):
+        run(quick, "follow", options={"path": "scurv"})
+
+
 def test_same_seed_same_run_other_seed_other_noise(quick):
     one, two, other = (drive(quick, "x", short(quick), seed=s) for s in (3, 3, 4))
     assert np.array_equal(one.channel("state_error").values, two.channel("state_error").values)
