@@ -64,6 +64,8 @@ class Singularity:
         """Returns (label, text) pairs for people."""
         what = f"lost: {'; '.join(self.lost)}" if self.lost else f"weakest: {self.weakest}"
         out = [(f"posture is {self.verdict}", f"σ_min(J_w) {self.sigma_min:.3g}; {what}")]
+        if "roll about the body axis" in self.lost:
+            out.append(("", "the thrusts stand in one line; bend the body: --joint joint1_yaw=0.8"))
         for g in self.gimbals:
             mark = "  (roll nearly without effect)" if g.distance < _WARN_ANGLE else ""
             out.append(

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.analysis.allocation import allocation
+from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
 from snakegen.robot import Robot
 
@@ -69,6 +70,9 @@ def analyze(robot: Robot, q: Floats, reach: float = 2.0, spread: float = 0.10) -
     A stream is a cone along −u from its rotor: radius ``r + spread · d`` at distance d. A disc of
     radius r' at offset e is touched where ``e < r + spread d + r'``. A simple geometric model.
     """
+    for name, value in (("reach", reach), ("spread", spread)):
+        if not 0.0 <= value < np.inf:
+            raise AnalysisError(f"--{name} {value:g}: a number from 0 on is needed.")
     a = allocation(robot, q)
     rows = [(j, r) for j, m in enumerate(robot.modules.apparatuses) for r in m.rotors]
     found = []

@@ -61,7 +61,8 @@ def corners(J: Floats, torque: Floats, limit: Floats) -> tuple[Floats, Floats]:
         corners (c, k) in the span of J, empty where τ0 alone is too much, and free (k, f): unit
         columns that no joint feels, along which the set has no end.
     """
-    k = len(J)
+    k, held = len(J), np.isfinite(limit)  # a joint without a limit bounds nothing
+    J, torque, limit = J[:, held], torque[held], limit[held]
     full = np.linalg.svd(J, full_matrices=True)
     u, s = np.asarray(full[0], np.float64), full[1]
     rank = int(np.sum(s > RANK_TOLERANCE * max(np.max(s, initial=0.0), 1e-300)))

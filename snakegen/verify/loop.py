@@ -17,6 +17,7 @@ from snakegen.kernels.chain import forward
 from snakegen.kernels.control_types import REFUSED, Measured, State, Target
 from snakegen.kernels.flight import ASTRAY, DIVERGED, fly_ticks, read_imu, thrusts_into
 from snakegen.verify import wiring
+from snakegen.verify.interrupt import noted
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Draw, Imperfections
 from snakegen.verify.world import World
@@ -88,12 +89,14 @@ def fly(
     events: list[tuple[float, str, str]] = [(t, "INFO", text) for t, text in plan.events]
     stopped, k = "", 0
     try:
-        while k < ticks and not stopped:
-            k, stopped, level = run.stretch(k, min(k + max(1, round(STRETCH / dt)), ticks))
-            if stopped:
-                events.append((float(plan.time[k - 1]), level, stopped))
-            if progress is not None:
-                progress(k)
+        with noted() as keys:
+            while k < ticks and not stopped:
+                k, stopped, level = run.stretch(k, min(k + max(1, round(STRETCH / dt)), ticks))
+                if stopped:
+                    events.append((float(plan.time[k - 1]), level, stopped))
+                if progress is not None:
+                    progress(k)
+                keys.check()
     except KeyboardInterrupt:
         k = max(k, 1)
         stopped = f"interrupted at {plan.time[k - 1]:.2f} s"
