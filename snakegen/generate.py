@@ -64,9 +64,9 @@ def build(
         GateError: MuJoCo and Pinocchio disagree by more than 1e-9.
         SnakegenError: a mistake in the spec, or a folder that cannot be written.
     """
+    from snakegen.advice import warnings
     from snakegen.description import lint, meshes
     from snakegen.description.drums import drum_meshes
-    from snakegen.resolve import warnings
 
     spec = load_spec(source)
     target = Path(out_dir) if out_dir is not None else Path("generated") / spec.name

@@ -1,6 +1,5 @@
 """Resolving a spec: lists spelled out, apparatuses in order, inertias computed from geometry."""
 
-import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -228,30 +227,6 @@ def _wheels(part: "ScrewDrive", alpha: float) -> dict[str, Any]:
         "wheel": layout.wheel.tolist(),
         "half_length": float(layout.half_length),
     }
-
-
-def warnings(spec: "RobotSpec") -> tuple[str, ...]:
-    """Returns what a spec allows and its maker should know."""
-    if spec.screw_drive is None:
-        return ()
-    alpha = spec.resolved()["screw_drive"]["alpha"]
-    out = []
-    if len({a > 0 for a in alpha}) == 1:
-        degrees = ", ".join(f"{math.degrees(a):.4g}°" for a in alpha)
-        out.append(
-            f"screw_drive: all {len(alpha)} drums have one hand (α {degrees}): a straight body "
-            "slides across its course and cannot steer straight"
-        )
-    elif len(alpha) < 3:
-        out.append(f"screw_drive: {len(alpha)} drums leave a turn free in every shape; 3 hold it")
-    if spec.screw_drive.rollers == "ball":
-        out.append(
-            "screw_drive.rollers: a ball for each drum is in the MJCF alone; the URDF has the "
-            "wheels, and URDF and MJCF were compared with the wheels in both"
-        )
-    if spec.caster is None:
-        out.append("no caster: a straight body stands on a line and rolls over; put one at 1@0")
-    return tuple(out)
 
 
 def _casters(part: "Caster", links: int, screws: "ScrewDrive | None") -> dict[str, Any]:

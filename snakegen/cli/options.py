@@ -93,9 +93,12 @@ def robot_of(
     overrides: tuple[str, ...],
     modules: str | None,
 ) -> Any:
-    """Returns the Robot that ROBOT and its options name."""
+    """Returns the Robot that ROBOT and its options name; says so if kernels must be compiled."""
+    from snakegen.kernels.jit import cold
     from snakegen.robot import load
 
+    if cold():
+        note("compiling kernels; the first run takes a minute or two, later ones find them cached")
     if robot.endswith((".urdf", ".xml")):
         if links is not None or apparatus is not None or overrides:
             raise SpecError("--links, --apparatus and --set change a spec, not a URDF.")

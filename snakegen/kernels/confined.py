@@ -57,7 +57,7 @@ def confine_at_limits(
 @jit
 def confined_loads(loads: JointLoads, allowed: Floats) -> JointLoads:
     """Returns the joints' bounds on forces that `allowed` (Ñ, 3, 3) projects."""
-    out = np.zeros(loads.rows.shape)
+    out = np.zeros_like(loads.rows)
     for i in range(out.shape[0]):
         for j in range(allowed.shape[0]):
             for c in range(3):

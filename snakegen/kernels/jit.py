@@ -90,3 +90,9 @@ def jit(function: F | None = None, /, **options: Any) -> Any:
         return numba.njit(cache=folder is not None, **options)(function)
     finally:
         numba_config.CACHE_DIR = before
+
+
+def cold() -> bool:
+    """Tells whether the flight and margin kernels have yet to be compiled for this version."""
+    folders = [cache_folder(name) for name in ("control_tick", "zonotope")]
+    return any(f is None or not any(f.glob("*.nbi")) for f in folders)
