@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import snakegen
+from snakegen.advice import warnings
 from snakegen.description.mjcf import decorate
 from snakegen.description.urdf import urdf_text
 from snakegen.equivalence import BOUND, compare
 from snakegen.errors import SpecError
 from snakegen.modules import from_urdf
-from snakegen.advice import warnings
 from snakegen.robot import load
 from snakegen.screw_law import constraint_matrices
 from snakegen.screw_robot import drive_geometry
