@@ -97,7 +97,7 @@ def robot_of(
     from snakegen.kernels.jit import cold
     from snakegen.robot import load
 
-    if cold():
+    if sys.stderr.isatty() and cold():
         note("compiling kernels; the first run takes a minute or two, later ones find them cached")
     if robot.endswith((".urdf", ".xml")):
         if links is not None or apparatus is not None or overrides:

@@ -95,4 +95,4 @@ def jit(function: F | None = None, /, **options: Any) -> Any:
 def cold() -> bool:
     """Tells whether the flight and margin kernels have yet to be compiled for this version."""
     folders = [cache_folder(name) for name in ("control_tick", "zonotope")]
-    return any(f is None or not any(f.glob("*.nbi")) for f in folders)
+    return any(f is None or not any(f.rglob("*.nbi")) for f in folders)
