@@ -39,16 +39,16 @@ def writing(target: Path) -> Iterator[None]:
 
 
 def check_writable(path: Path) -> None:
-    """Refuses a file that cannot be written before long work is done for it; makes its folder.
+    """Refuses a file that cannot be written before long work is done for it; leaves no trace.
 
     Raises:
         SnakegenError: no permission, no space, a file in the way.
     """
     with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, "it is a folder")
-        with tempfile.TemporaryFile(dir=path.parent):
+        there = next(p for p in path.absolute().parents if p.exists())
+        with tempfile.TemporaryFile(dir=there):
             pass
 
 

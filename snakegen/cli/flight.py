@@ -105,6 +105,7 @@ def flight(
         return fly_trials(machine, mission, path, trials, workers, as_json, **many, **how)
     with bar as step:
         recording = run(machine, mission, progress=step, **how)
+    path.parent.mkdir(parents=True, exist_ok=True)
     write(recording, path, mesh_folder=meshes)
     judged = recording.verdict
     passed = judged is not None and judged.passed

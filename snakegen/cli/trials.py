@@ -33,6 +33,7 @@ def fly_trials(
     ready = prepare(machine, mission, **how)
     with progress as step:
         found = monte_carlo(ready, count, seed=seed, workers=workers, progress=step)
+    path.parent.mkdir(parents=True, exist_ok=True)
     write(fly_again(ready, found.worst, seed=seed), path, mesh_folder=meshes)
     out = {"robot": machine.name, "mission": mission, "seed": seed} | found.to_json()
     passed = found.survival == 1.0
