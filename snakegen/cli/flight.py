@@ -15,6 +15,7 @@ from snakegen.cli.options import (
     robot_argument,
     robot_of,
     rollers_option,
+    spec_of,
     with_rollers,
 )
 
@@ -90,12 +91,15 @@ def flight(
         for name, text in missions().items():
             click.echo(f"{name:<12}{text}")
         return 0
-    machine = robot_of(robot, links, apparatus, with_rollers(robot, rollers, overrides), modules)
+    overrides = with_rollers(robot, rollers, overrides)
+    machine = robot_of(robot, links, apparatus, overrides, modules)
     if plant is not None:
         options = (*options, f"plant={plant}")
     chosen = mission_options(mission, machine, options, duration)
     path = Path(out) if out else Path("generated") / machine.name / f"{mission}.rrd"
     meshes = mesh_folder(machine, path)
+    if machine.path is None and machine.modules.screws:
+        meshes = drum_folder(spec_of(robot, links, apparatus, overrides))
     bar = progress_bar(f"{machine.name} {mission}")
     how: dict[str, Any] = {"gains": gains, "allocator": allocator, "ideal": ideal}
     how |= {"options": chosen, "seed": seed}
@@ -162,6 +166,18 @@ def mesh_folder(robot: Any, log: Path) -> Path:
 
     made = Path(click.get_current_context().with_resource(TemporaryDirectory()))
     write_meshes(made / "meshes", unit_meshes())
+    return made
+
+
+def drum_folder(spec: Any) -> Path:
+    """Makes the meshes of a spec with drums: those of an earlier build may have another helix."""
+    from tempfile import TemporaryDirectory
+
+    from snakegen.description.drums import drum_meshes
+    from snakegen.description.meshes import unit_meshes, write_meshes
+
+    made = Path(click.get_current_context().with_resource(TemporaryDirectory()))
+    write_meshes(made / "meshes", unit_meshes() | drum_meshes(spec.resolved()))
     return made
 
 
