@@ -42,6 +42,37 @@ def test_eight_and_nine_rotors_of_rank_six_agree_with_hulls(n):
         assert disagreement(case, margins_of(case), rng) < 1e-9
 
 
+@pytest.mark.parametrize("n", [6, 8, 9])
+def test_ties_are_named_the_same_whatever_rounding_says(n):
+    """A hover in the middle is as near to d as to -d; mirrored columns tie facets as well."""
+    rng = np.random.default_rng(n)
+    half = rng.normal(size=(6, n // 2))
+    mirrored = half * np.array([1, -1, 1, -1, 1, -1])[:, None]
+    q = np.hstack([half, mirrored, np.eye(6)[:, : n % 2]])
+    centre = q @ np.full(n, 0.5)
+
+    def said(noise):
+        given = q * (1 + noise * rng.uniform(-1, 1, q.shape))
+        m = thrust_margins(given, 0.0, 1.0, centre, force_scale=1.0, torque_scale=1.0)
+        return [(m.worst(k), *m.saturated(k)) for k in ("wrench", "force", "torque")]
+
+    first = said(0.0)
+    for _ in range(20):
+        for (d, full, idle), (e, full_e, idle_e) in zip(first, said(1e-14), strict=True):
+            assert d == pytest.approx(e, abs=1e-9)
+            assert (full, idle) == (full_e, idle_e)
+            assert d[np.flatnonzero(np.abs(d) > 1e-6)[0]] > 0
+
+
+def test_a_plane_of_lost_directions_is_named_by_its_axis():
+    """Forces along x and y are both lost: the SVD's basis must not choose between them."""
+    q = np.zeros((6, 4))
+    q[2:] = np.linalg.qr(np.random.default_rng(1).normal(size=(4, 4)))[0]
+    m = thrust_margins(q, 0.0, 1.0, q @ np.full(4, 0.5), force_scale=1.0, torque_scale=1.0)
+    for name in ("wrench", "force"):
+        assert m.worst(name) == pytest.approx([1, 0, 0, 0, 0, 0], abs=1e-12)
+
+
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 10**6))
 def test_batch_equals_single_and_a_turned_frame_changes_nothing(seed):

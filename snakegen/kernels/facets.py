@@ -15,6 +15,7 @@ FAST = {"reassoc", "contract", "nsz", "arcp"}
 DEPENDENT = 1e-10  # a column whose remainder is below this share of itself spans nothing new
 FLAT = 1e-18  # a facet tilted less than this (squared) along a slice does not bound it
 INSIDE = 1e-12  # of h(d): how far outside a facet rounding alone can put a point
+FIRST = 1.0 - 1e-11  # of margin²: where facets tie by symmetry the first is kept
 
 
 @jit(fastmath=FAST)
@@ -23,7 +24,7 @@ def score(slack, height, d, squared, normals):
 
     Returns False where the point lies outside the facet; margins are squared to spare divisions.
     """
-    if slack < 0.0:
+    if slack < INSIDE * height:
         if slack < -INSIDE * height:
             return False
         slack = 0.0
@@ -31,13 +32,13 @@ def score(slack, height, d, squared, normals):
     torque = d[3] * d[3] + d[4] * d[4] + d[5] * d[5]
     both = force + torque
     gap = slack * slack
-    if gap < squared[0] * both:
+    if gap < FIRST * squared[0] * both:
         squared[0] = gap / both
         normals[0] = d
-    if gap < squared[1] * force and force > FLAT * torque:
+    if gap < FIRST * squared[1] * force and force > FLAT * torque:
         squared[1] = gap / force
         normals[1] = d
-    if gap < squared[2] * torque and torque > FLAT * force:
+    if gap < FIRST * squared[2] * torque and torque > FLAT * force:
         squared[2] = gap / torque
         normals[2] = d
     return True

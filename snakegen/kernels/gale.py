@@ -7,7 +7,7 @@ where a triple is nearly dependent and would lose digits; then the tree of `face
 
 import numpy as np
 
-from snakegen.kernels.facets import FAST, FLAT, INSIDE
+from snakegen.kernels.facets import FAST, FIRST, FLAT, INSIDE
 from snakegen.kernels.jit import jit
 
 GREY = 1e-5  # triples below this share (but not zero) lose digits
@@ -118,18 +118,18 @@ def gale(table, order, y, squared, normals, null, right, minors, lanes):
                     if height < 1e-9 * grey:
                         continue
                     return -1
-                if slack < 0.0:
+                if slack < INSIDE * height:
                     if slack < -INSIDE * height:
                         return 0
                     slack = 0.0
                 force, torque, gap = lanes[k], lanes[8 + k], slack * slack
-                if gap < squared[0] * (force + torque):
+                if gap < FIRST * squared[0] * (force + torque):
                     squared[0] = gap / (force + torque)
                     best[0] = 64 * i + 8 * j + k
-                if gap < squared[1] * force and force > FLAT * torque:
+                if gap < FIRST * squared[1] * force and force > FLAT * torque:
                     squared[1] = gap / force
                     best[1] = 64 * i + 8 * j + k
-                if gap < squared[2] * torque and torque > FLAT * force:
+                if gap < FIRST * squared[2] * torque and torque > FLAT * force:
                     squared[2] = gap / torque
                     best[2] = 64 * i + 8 * j + k
     for b in range(3):
@@ -190,11 +190,11 @@ def four(a, y, squared, normals, heights, sizes):
                 height = heights[i, j, k]
                 along = d[0] * y[0] + d[1] * y[1] + d[2] * y[2] + d[3] * y[3]
                 slack = 0.5 * height - abs(along)
-                if slack < 0.0:
+                if slack < INSIDE * height:
                     if slack < -INSIDE * height:
                         return 0
                     slack = 0.0
-                if slack * slack < squared[0] * both:
+                if slack * slack < FIRST * squared[0] * both:
                     squared[0] = slack * slack / both
                     for c in range(4):
                         normals[0, 2 + c] = -d[c] if along < 0.0 else d[c]

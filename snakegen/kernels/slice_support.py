@@ -9,197 +9,228 @@ slice (force held at f0), seen from hover, have along a unit e the support
 the minimum the forces ``f_j = L_j r_j/‖r_j‖``, r_j = v + ω × p_j, balance and give a point of the
 slice, which bounds it from below. The minimum often sits on a kink (r_j = 0, an apparatus on the
 twist axis): in the torque slice that is Weber's problem, and its vertex test settles it exactly.
+
+e, z, gradients and points are tuples of floats, which stay in registers; a Hessian is its upper
+half (xx, xy, xz, yy, yz, zz).
 """
 
 import numpy as np
 
 from snakegen.kernels.jit import jit
+from snakegen.kernels.triples import cross, inner, plus, read, times
 
 BALANCED = 1e-10  # residual of the held wrench, in units of the largest forces
+LOOSE = {"contract", "nsz", "arcp"}
 
 
-@jit(fastmath={"contract", "nsz"})
+@jit(fastmath=LOOSE)
 def _reach(e, z, torque, p, j):
     """Returns r_j = v + ω × p_j."""
+    at = read(p, j, 0)
+    return plus(z, cross(e, at)) if torque else plus(e, cross(z, at))
+
+
+@jit(fastmath=LOOSE)
+def _offset(e, z, torque, hover):
+    """Returns v·f0 + ω·τ0."""
+    first = hover[0] * e[0] + hover[1] * e[1] + hover[2] * e[2]
+    last = hover[3] * e[0] + hover[4] * e[1] + hover[5] * e[2]
     if torque:
-        return (
-            z[0] + e[1] * p[j, 2] - e[2] * p[j, 1],
-            z[1] + e[2] * p[j, 0] - e[0] * p[j, 2],
-            z[2] + e[0] * p[j, 1] - e[1] * p[j, 0],
-        )
-    return (
-        e[0] + z[1] * p[j, 2] - z[2] * p[j, 1],
-        e[1] + z[2] * p[j, 0] - z[0] * p[j, 2],
-        e[2] + z[0] * p[j, 1] - z[1] * p[j, 0],
-    )
+        return last + hover[0] * z[0] + hover[1] * z[1] + hover[2] * z[2]
+    return first + hover[3] * z[0] + hover[4] * z[1] + hover[5] * z[2]
 
 
-@jit(fastmath={"contract", "nsz"})
-def value(e, z, torque, p, limit, hover, smooth):
-    """Returns the objective at z, each norm rounded to ``√(r² + smooth²)``."""
-    total = 0.0
+@jit(fastmath=LOOSE)
+def _force_terms(e, z, p, limit, hover, smooth):
+    """Returns objective, gradient and Hessian in z of the force slice, norms ``√(r² + ε²)``."""
+    total = -_offset(e, z, False, hover)
+    gx, gy, gz = -hover[3], -hover[4], -hover[5]
+    xx = xy = xz = yy = yz = zz = 0.0
     for j in range(limit.size):
-        x, y, w = _reach(e, z, torque, p, j)
-        total += limit[j] * np.sqrt(x * x + y * y + w * w + smooth * smooth)
-    a, b = (3, 0) if torque else (0, 3)
-    for c in range(3):
-        total -= e[c] * hover[a + c] + z[c] * hover[b + c]
-    return total
-
-
-@jit(fastmath={"contract", "nsz"})
-def _derivatives(e, z, torque, p, limit, hover, smooth, f, gradient, hessian):
-    """Fills the forces (n, 3), the gradient (3,) and the Hessian (3, 3), flat (6,) upper."""
-    held = 0 if torque else 3
-    for c in range(3):
-        gradient[c] = -hover[held + c]
-    hessian[:] = 0.0
-    for j in range(limit.size):
-        x, y, w = _reach(e, z, torque, p, j)
-        size = np.sqrt(x * x + y * y + w * w + smooth * smooth)
+        a, b, c = p[j, 0], p[j, 1], p[j, 2]
+        x = e[0] + z[1] * c - z[2] * b
+        y = e[1] + z[2] * a - z[0] * c
+        w = e[2] + z[0] * b - z[1] * a
+        square = x * x + y * y + w * w + smooth * smooth
+        size = np.sqrt(square)
         stiff = limit[j] / size
-        x, y, w = x / size, y / size, w / size
-        f[j, 0], f[j, 1], f[j, 2] = limit[j] * x, limit[j] * y, limit[j] * w
-        a, b, c, k = 0.0, 0.0, 0.0, 1.0
-        if not torque:
-            a, b, c = p[j, 0], p[j, 1], p[j, 2]
-            k = a * a + b * b + c * c
-            x, y, w = b * w - c * y, c * x - a * w, a * y - b * x
-        gradient[0] += limit[j] * x
-        gradient[1] += limit[j] * y
-        gradient[2] += limit[j] * w
-        hessian[0] += stiff * (k - a * a - x * x)
-        hessian[1] += stiff * (-a * b - x * y)
-        hessian[2] += stiff * (-a * c - x * w)
-        hessian[3] += stiff * (k - b * b - y * y)
-        hessian[4] += stiff * (-b * c - y * w)
-        hessian[5] += stiff * (k - c * c - w * w)
+        total += limit[j] * size
+        x, y, w = b * w - c * y, c * x - a * w, a * y - b * x
+        gx += stiff * x
+        gy += stiff * y
+        gz += stiff * w
+        k, less = stiff * (a * a + b * b + c * c), stiff / square
+        xx += k - stiff * a * a - less * x * x
+        xy -= stiff * a * b + less * x * y
+        xz -= stiff * a * c + less * x * w
+        yy += k - stiff * b * b - less * y * y
+        yz -= stiff * b * c + less * y * w
+        zz += k - stiff * c * c - less * w * w
+    return total, (gx, gy, gz), (xx, xy, xz, yy, yz, zz)
+
+
+@jit(fastmath=LOOSE)
+def _torque_terms(e, z, p, limit, hover, smooth):
+    """Returns objective, gradient and Hessian in z of the torque slice, norms ``√(r² + ε²)``."""
+    total = -_offset(e, z, True, hover)
+    gx, gy, gz = -hover[0], -hover[1], -hover[2]
+    xx = xy = xz = yy = yz = zz = 0.0
+    for j in range(limit.size):
+        a, b, c = p[j, 0], p[j, 1], p[j, 2]
+        x = z[0] + e[1] * c - e[2] * b
+        y = z[1] + e[2] * a - e[0] * c
+        w = z[2] + e[0] * b - e[1] * a
+        square = x * x + y * y + w * w + smooth * smooth
+        size = np.sqrt(square)
+        stiff = limit[j] / size
+        total += limit[j] * size
+        gx += stiff * x
+        gy += stiff * y
+        gz += stiff * w
+        less = stiff / square
+        xx += stiff - less * x * x
+        xy -= less * x * y
+        xz -= less * x * w
+        yy += stiff - less * y * y
+        yz -= less * y * w
+        zz += stiff - less * w * w
+    return total, (gx, gy, gz), (xx, xy, xz, yy, yz, zz)
+
+
+@jit(fastmath=LOOSE)
+def _terms(e, z, torque, p, limit, hover, smooth):
+    if torque:
+        return _torque_terms(e, z, p, limit, hover, smooth)
+    return _force_terms(e, z, p, limit, hover, smooth)
 
 
 @jit
-def _solve(h, g, out):
-    """Writes ``-H⁻¹ g`` (3,) by Cramer's rule, H (6,) upper, lightly damped."""
+def _solve(h, g):
+    """Returns ``-H⁻¹ g`` by Cramer's rule, H lightly damped."""
     damp = 1e-13 * (h[0] + h[3] + h[5]) + 1e-300
     a, b, c, d, e, f = h[0] + damp, h[1], h[2], h[3] + damp, h[4], h[5] + damp
     p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
     scale = -1.0 / (a * p + b * q + c * r)
-    out[0] = scale * (p * g[0] + q * g[1] + r * g[2])
-    out[1] = scale * (q * g[0] + (a * f - c * c) * g[1] + (b * c - a * e) * g[2])
-    out[2] = scale * (r * g[0] + (b * c - a * e) * g[1] + (a * d - b * b) * g[2])
+    return (
+        scale * (p * g[0] + q * g[1] + r * g[2]),
+        scale * (q * g[0] + (a * f - c * c) * g[1] + (b * c - a * e) * g[2]),
+        scale * (r * g[0] + (b * c - a * e) * g[1] + (a * d - b * b) * g[2]),
+    )
 
 
-@jit
-def _kink(e, z, p, limit, hover, f, v, rest):
+@jit(fastmath=LOOSE)
+def _kink(e, z, p, limit, hover):
     """Weber's vertex test (torque slice) at the apparatus nearest to the twist axis.
 
-    True where r_j = 0 is the minimum: then z is set there and f (n, 3) balances exactly.
+    Returns (found, v, upper, point): where r_j = 0 is the minimum, it, the objective there and
+    the slice's point, the apparatuses on the axis taking what the others leave of f0.
     """
-    n = limit.size
     nearest, least = 0, np.inf
-    for j in range(n):
-        x, y, w = _reach(e, z, True, p, j)
-        if x * x + y * y + w * w < least:
-            nearest, least = j, x * x + y * y + w * w
-    x, y, w = _reach(e, z, True, p, nearest)
-    room = 0.0
-    v[0], v[1], v[2] = z[0] - x, z[1] - y, z[2] - w
-    rest[0], rest[1], rest[2] = hover[0], hover[1], hover[2]
-    for j in range(n):
-        x, y, w = _reach(e, v, True, p, j)
-        size = np.sqrt(x * x + y * y + w * w)
+    for j in range(limit.size):
+        r = _reach(e, z, True, p, j)
+        if inner(r, r) < least:
+            nearest, least = j, inner(r, r)
+    v = times(cross(e, read(p, nearest, 0)), -1.0)
+    rest, point = (hover[0], hover[1], hover[2]), (-hover[3], -hover[4], -hover[5])
+    room, upper = 0.0, -_offset(e, v, True, hover)
+    on = (0.0, 0.0, 0.0)  # Σ L_j p_j of those on the axis
+    for j in range(limit.size):
+        r = _reach(e, v, True, p, j)
+        size = np.sqrt(inner(r, r))
         if j == nearest or size < 1e-13:
-            f[j, 0] = np.nan
             room += limit[j]
+            on = plus(on, times(read(p, j, 0), limit[j]))
             continue
-        f[j, 0], f[j, 1], f[j, 2] = limit[j] * x / size, limit[j] * y / size, limit[j] * w / size
-        for c in range(3):
-            rest[c] -= f[j, c]
-    if rest[0] * rest[0] + rest[1] * rest[1] + rest[2] * rest[2] > room * room:
-        return False
-    for j in range(n):
-        if np.isnan(f[j, 0]):
-            for c in range(3):
-                f[j, c] = rest[c] * limit[j] / room
-    z[0], z[1], z[2] = v[0], v[1], v[2]
-    return True
+        upper += limit[j] * size
+        f = times(r, limit[j] / size)
+        rest = plus(rest, times(f, -1.0))
+        point = plus(point, cross(read(p, j, 0), f))
+    if inner(rest, rest) > room * room:
+        return False, v, upper, point
+    return True, v, upper, plus(point, cross(times(on, 1.0 / room), rest))
 
 
 @jit
-def _newton(e, z, torque, p, limit, hover, smooth, f, steps, scratch):
-    """Newton's method with halved steps from z, in place; 1 converged, 2 at a kink, 0 neither."""
-    gradient, hessian, step, trial, v, rest = scratch
-    now = value(e, z, torque, p, limit, hover, smooth)
-    small = BALANCED * limit.sum()
-    noise = 1e-15 * (abs(now) + limit.sum())  # the terms cancel: more than that of their sum
+def _newton(e, z, torque, p, limit, hover, smooth, steps):
+    """Newton's method with halved steps from z; returns (1 balanced, 2 by a kink, 0 neither; z)."""
+    now, g, h = _terms(e, z, torque, p, limit, hover, smooth)
+    most = limit.sum()
+    small, noise = BALANCED * most, 1e-15 * (abs(now) + most)  # the terms cancel: more than now's
     for _ in range(steps):
-        _derivatives(e, z, torque, p, limit, hover, smooth, f, gradient, hessian)
-        if abs(gradient[0]) + abs(gradient[1]) + abs(gradient[2]) <= small:
-            return 1
-        _solve(hessian, gradient, step)
-        slope = gradient[0] * step[0] + gradient[1] * step[1] + gradient[2] * step[2]
-        share = 1.0
-        while share > 1e-4:
-            for c in range(3):
-                trial[c] = z[c] + share * step[c]
-            new = value(e, trial, torque, p, limit, hover, smooth)
+        if abs(g[0]) + abs(g[1]) + abs(g[2]) <= small:
+            return 1, z
+        step = _solve(h, g)
+        slope, share = inner(g, step), 1.0
+        while True:
+            trial = plus(z, times(step, share))
+            new, g, h = _terms(e, trial, torque, p, limit, hover, smooth)
             if new <= now + 1e-4 * share * slope + noise:
                 break
             share *= 0.5
-        if torque and share < 1.0 and _kink(e, trial, p, limit, hover, f, v, rest):
-            z[:] = trial
-            return 2
+            if share <= 1e-4:
+                break
+        if torque and share < 1.0 and _kink(e, trial, p, limit, hover)[0]:
+            return 2, trial
         if share <= 1e-4:
-            return 0
-        z[0], z[1], z[2] = trial[0], trial[1], trial[2]
-        now = new
-    return 0
+            return 0, z
+        z, now = trial, new
+    return 0, z
 
 
 @jit
-def scratch_space():
-    """Returns the small arrays that `support` uses over and over."""
-    return np.empty(3), np.empty(6), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+def _rounded(e, z, torque, p, limit, hover):
+    """Approaches a kink through norms ever less rounded; returns (state, z, last rounding)."""
+    smooth, shrink, reached, best, state = 0.1, 0.1, 0.1, z, 0
+    while smooth > 1e-10:
+        found, z = _newton(e, z, torque, p, limit, hover, smooth, 25)
+        if found == 0:
+            if shrink > 0.5 or smooth < 1e-7:
+                break
+            z = best  # too far at once: a smaller change of roundness
+            smooth, shrink = smooth / np.sqrt(shrink), np.sqrt(shrink)
+            continue
+        state, best, reached = found, z, smooth
+        if found == 2:
+            break
+        smooth *= shrink
+    return state, best, reached
 
 
-@jit
-def support(e, torque, p, limit, hover, z, f, point, scratch):
-    """Bounds g along the unit `e` (3,); returns (upper, lower, balanced).
-
-    `z` (3,) is the start and ends as the minimum; `f` (n, 3) the forces; `point` (3,) the slice's
-    point seen from hover, meaningful where `balanced`; `scratch` comes from `scratch_space`.
-    """
-    state = 0
-    if torque and _kink(e, z, p, limit, hover, f, scratch[4], scratch[5]):
-        state = 2
-    else:
-        state = _newton(e, z, torque, p, limit, hover, 1e-10, f, 12, scratch)
-    if state == 0:  # close to a kink: approach it through rounder and rounder norms, backwards
-        smooth, shrink = 0.1, 0.1
-        best = z.copy()
-        kept = f.copy()
-        while smooth > 1e-10:
-            if _newton(e, z, torque, p, limit, hover, smooth, f, 25, scratch) == 0:
-                if shrink > 0.5 or smooth < 1e-7:
-                    break
-                z[:] = best  # too far at once: a smaller change of roundness
-                smooth, shrink = smooth / np.sqrt(shrink), np.sqrt(shrink)
-                continue
-            state = 1
-            best[:], kept[:] = z, f
-            smooth *= shrink
-        z[:], f[:] = best, kept
-    upper = value(e, z, torque, p, limit, hover, 0.0)
-    held = 3 if torque else 0
-    for c in range(3):
-        point[c] = -hover[held + c]
+@jit(fastmath=LOOSE)
+def _reached(e, z, torque, p, limit, hover, smooth):
+    """Returns (upper, point): the objective at z, and where forces along the rounded r_j lead."""
+    upper = -_offset(e, z, torque, hover)
+    first = 3 if torque else 0
+    point = (-hover[first], -hover[first + 1], -hover[first + 2])
     for j in range(limit.size):
-        if torque:
-            point[0] += p[j, 1] * f[j, 2] - p[j, 2] * f[j, 1]
-            point[1] += p[j, 2] * f[j, 0] - p[j, 0] * f[j, 2]
-            point[2] += p[j, 0] * f[j, 1] - p[j, 1] * f[j, 0]
+        r = _reach(e, z, torque, p, j)
+        square = inner(r, r)
+        upper += limit[j] * np.sqrt(square)
+        f = times(r, limit[j] / np.sqrt(square + smooth * smooth))
+        point = plus(point, cross(read(p, j, 0), f) if torque else f)
+    return upper, point
+
+
+@jit
+def support(e, z, torque, p, limit, hover):
+    """Bounds g along the unit `e`; returns (upper, lower, balanced, z, point).
+
+    `z` is the start and is returned as the minimum, `point` the slice's point seen from hover.
+    Lower bound and point mean something where `balanced`.
+    """
+    smooth = 1e-10
+    hit = False
+    if torque:
+        hit, v, upper, point = _kink(e, z, p, limit, hover)
+    if not hit:
+        state, found = _newton(e, z, torque, p, limit, hover, smooth, 12)
+        if state == 0:  # close to a kink
+            state, found, smooth = _rounded(e, z, torque, p, limit, hover)
+        if state == 2:
+            hit, v, upper, point = _kink(e, found, p, limit, hover)
         else:
-            point[0] += f[j, 0]
-            point[1] += f[j, 1]
-            point[2] += f[j, 2]
-    lower = e[0] * point[0] + e[1] * point[1] + e[2] * point[2]
-    return upper, lower, state > 0
+            v = found
+            upper, point = _reached(e, found, torque, p, limit, hover, smooth)
+            if state == 0:
+                return upper, -np.inf, False, v, point
+    return upper, inner(e, point), True, v, point

@@ -122,10 +122,9 @@ def _lost(p, limit, hover, tilts, directions):
         for c in range(6):
             off += lost[c, i] * hover[c]
         inside = inside and abs(off) <= thickness + OFF
-        for c in range(6):
-            directions[0, c] = lost[c, 0]
+    lost_direction(lost, 0, 6, directions[0])
     for k in range(2):
-        tilts[k] = lost_direction(lost, 3 * k, directions[1 + k])
+        tilts[k] = lost_direction(lost, 3 * k, 3 * k + 3, directions[1 + k])
     return basis.shape[1], inside
 
 

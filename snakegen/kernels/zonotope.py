@@ -30,23 +30,30 @@ def subspace(a, tolerance):
 
 
 @jit
-def lost_direction(lost, first, out):
-    """Writes to `out` (6,) the lost direction that tilts most along axes first…first+2.
+def lost_direction(lost, first, last, out):
+    """Writes to `out` (6,) the lost direction that is nearest to one of the axes first…last-1.
 
-    Returns the tilt: 0 where the slice along these axes keeps all its dimensions.
+    `lost` (d, k) has orthonormal columns. An axis' projection on their span does not depend on
+    which basis of it the SVD chose. Returns its part along that axis, 0 where no direction is
+    lost along any of them: then a slice along these axes keeps all its dimensions.
     """
-    if lost.shape[1] == 0:
+    d = lost.shape[0]
+    axis, largest = -1, 0.0
+    for c in range(first, last):
+        size = 0.0
+        for k in range(lost.shape[1]):
+            size += lost[c, k] ** 2
+        if size > largest * (1.0 + OFF):
+            axis, largest = c, size
+    if axis < 0:
         return 0.0
-    part = np.empty((3, lost.shape[1]))
-    for c in range(3):
+    tilt = np.sqrt(largest)
+    for c in range(d):
+        part = 0.0
         for k in range(lost.shape[1]):
-            part[c, k] = lost[first + c, k]
-    _, s, v = np.linalg.svd(part)
-    for c in range(6):
-        out[c] = 0.0
-        for k in range(lost.shape[1]):
-            out[c] += lost[c, k] * v[0, k]
-    return s[0]
+            part += lost[c, k] * lost[axis, k]
+        out[6 - d + c] = part / tilt
+    return tilt
 
 
 @jit
@@ -119,14 +126,14 @@ def _within(a, y, margin, normals, squared, rows, stack, sizes, span):
     margin[0], margin[1], margin[2] = np.sqrt(squared[0]), np.sqrt(squared[1]), np.sqrt(squared[2])
     if r < d:
         margin[0] = 0.0
-        for c in range(6):
-            normals[0, c] = lost[c - 6 + d, 0] if c >= 6 - d else 0.0
+        normals[0] = 0.0
+        lost_direction(lost, 0, d, normals[0])
         if d == 6:
-            for first in (0, 3):
-                direction = np.zeros(6)
-                if lost_direction(lost, first, direction) > OFF:
-                    margin[1 + first // 3] = 0.0
-                    normals[1 + first // 3] = direction
+            direction = np.zeros(6)
+            for k in range(2):
+                if lost_direction(lost, 3 * k, 3 * k + 3, direction) > OFF:
+                    margin[1 + k] = 0.0
+                    normals[1 + k] = direction
     return r
 
 

@@ -13,6 +13,7 @@ from snakegen.margins import inputs
 Floats = NDArray[np.float64]
 NAMES = ("wrench", "force", "torque", "attitude_altitude")
 SATURATED = 1e-9  # a rotor whose product with the facet normal is below this share is free
+TIED = 1e-9  # of h(d): a hover this near to the middle is as far from the opposite facet
 
 
 @dataclass(frozen=True)
@@ -118,15 +119,24 @@ class ThrustMargins:
         where hover is infeasible, the direction from the set to the hover wrench; where rank is
         lacking, a direction that no thrust can move along. nan where the margin is undefined.
         """
-        at = _index(margin)
-        normal = self.normals[..., at, :].copy()
-        if margin == "force":
-            normal[..., 3:] = 0.0
-        elif margin == "torque":
-            normal[..., :3] = 0.0
+        normal = self._normal(margin) * _shown(margin)
         with np.errstate(invalid="ignore", divide="ignore"):
             unit = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+        unit = np.where(np.abs(unit) < 1e-12, 0.0, unit)  # rounding, which would read as a part
         return unit if margin in ("force", "torque") else unit * self.scale
+
+    def _normal(self, margin: str) -> Floats:
+        """Returns the normals (…, 6), where d and -d tie the one that `worst` shows as positive."""
+        normal = self.normals[..., _index(margin), :]
+        middle = 0.5 * (self.upper + self.lower)
+        spread = 0.5 * (self.upper - self.lower)
+        product = np.einsum("...i,...ij->...j", normal / self.scale, self.allocation)
+        along = np.sum(normal * self.hover_wrench / self.scale, axis=-1) - product @ middle
+        tied = np.abs(along) <= TIED * (np.abs(product) @ spread + np.linalg.norm(normal, axis=-1))
+        size = np.abs(normal) * _shown(margin)
+        first = np.argmax(size > 1e-6 * size.max(axis=-1, keepdims=True), axis=-1)
+        sign = np.sign(np.take_along_axis(normal, first[..., None], axis=-1))
+        return np.asarray(np.where(tied[..., None] & (sign < 0), -normal, normal), np.float64)
 
     def saturated(self, margin: str) -> tuple[list[int], list[int]]:
         """Returns the rotors at their upper and at their lower limit where `margin` is reached.
@@ -136,7 +146,7 @@ class ThrustMargins:
         """
         if self.allocation.ndim == 3:
             raise AnalysisError("saturated() takes one posture: index the batch first.")
-        product = (self.normals[_index(margin)] / self.scale) @ self.allocation
+        product = (self._normal(margin) / self.scale) @ self.allocation
         product = product * (self.upper - self.lower)
         size = np.abs(product).max(initial=0.0)
         free = SATURATED * np.linalg.norm(self.allocation / self.scale[:, None]) * self.upper.max()
@@ -144,6 +154,10 @@ class ThrustMargins:
             return [], []
         at_upper, at_lower = product > SATURATED * size, product < -SATURATED * size
         return np.flatnonzero(at_upper).tolist(), np.flatnonzero(at_lower).tolist()
+
+
+def _shown(margin: str) -> Floats:
+    return np.repeat([margin != "torque", margin != "force"], 3).astype(np.float64)
 
 
 def _index(margin: str) -> int:
