@@ -9,7 +9,8 @@ no whitening, as the polytope takes their shape.
 import numpy as np
 
 from snakegen.kernels.jit import jit
-from snakegen.kernels.slice_support import scratch_space, support
+from snakegen.kernels.slice_support import support
+from snakegen.kernels.triples import cross, inner, plus, read, times, write
 
 POINTS = 400  # then the search says that it did not close
 
@@ -77,13 +78,22 @@ def simplex(points, count, facets, planes):
 
 @jit
 def insert(points, new, facets, planes, count, edges, slack):
-    """Adds point `new`: its visible facets give way to a fan; returns the new facet count."""
-    x, y, z = points[new]
-    open_edges, i = 0, 0
-    while i < count:
-        height = planes[i, 0] * x + planes[i, 1] * y + planes[i, 2] * z - planes[i, 3]
-        if height <= slack:
-            i += 1
+    """Adds point `new`: its visible facets give way to a fan.
+
+    Returns the number of facets and the one nearest to the origin.
+    """
+    x, y, z = points[new, 0], points[new, 1], points[new, 2]
+    open_edges, kept, weakest, least = 0, 0, 0, np.inf
+    for i in range(count):
+        offset = planes[i, 3]
+        if planes[i, 0] * x + planes[i, 1] * y + planes[i, 2] * z - offset <= slack:
+            if kept < i:
+                for k in range(3):
+                    facets[kept, k], planes[kept, k] = facets[i, k], planes[i, k]
+                planes[kept, 3] = offset
+            if offset < least:
+                weakest, least = kept, offset
+            kept += 1
             continue
         for k in range(3):
             a, b = facets[i, k], facets[i, (k + 1) % 3]
@@ -97,43 +107,50 @@ def insert(points, new, facets, planes, count, edges, slack):
             else:
                 edges[open_edges, 0], edges[open_edges, 1] = a, b
                 open_edges += 1
-        count -= 1
-        for k in range(3):
-            facets[i, k] = facets[count, k]
-        for k in range(4):
-            planes[i, k] = planes[count, k]
     for m in range(open_edges):
-        facets[count, 0], facets[count, 1], facets[count, 2] = edges[m, 0], edges[m, 1], new
-        _plane(points, facets[count], planes[count])
-        count += 1
-    return count
+        facets[kept, 0], facets[kept, 1], facets[kept, 2] = edges[m, 0], edges[m, 1], new
+        _plane(points, facets[kept], planes[kept])
+        if planes[kept, 3] < least:
+            weakest, least = kept, planes[kept, 3]
+        kept += 1
+    return kept, weakest
 
 
 @jit
-def _triple(a, b, c):
-    """Returns det [a b c]."""
-    x, y, z = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
-    return a[0] * x + a[1] * y + a[2] * z
-
-
-@jit
-def _guess(directions, multipliers, facet, e, z):
-    """Writes to `z` the multiplier along `e`, interpolated (it is homogeneous in e)."""
-    a, b, c = directions[facet[0]], directions[facet[1]], directions[facet[2]]
-    volume, first, second = _triple(a, b, c), _triple(e, b, c), _triple(a, e, c)
+def _guess(directions, multipliers, facet, e):
+    """Returns the multiplier along `e`, interpolated in its facet (it is homogeneous in e)."""
+    i, j, k = facet
+    a, b, c = read(directions, i, 0), read(directions, j, 0), read(directions, k, 0)
+    across = cross(b, c)
+    volume = inner(a, across)
     u, v, w = 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
     if abs(volume) > 1e-12:
-        u, v, w = first / volume, second / volume, _triple(a, b, e) / volume
+        u, v = inner(e, across) / volume, inner(e, cross(c, a)) / volume
+        w = inner(e, cross(a, b)) / volume
         if min(u, v, w) < -0.5 or max(u, v, w) > 1.5:
             u, v, w = 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
-    for k in range(3):
-        z[k] = u * multipliers[facet[0], k] + v * multipliers[facet[1], k]
-        z[k] += w * multipliers[facet[2], k]
+    a, b, c = read(multipliers, i, 0), read(multipliers, j, 0), read(multipliers, k, 0)
+    return plus(plus(times(a, u), times(b, v)), times(c, w))
 
 
 @jit
-def work_space(n):
-    """Returns the arrays that `radius` uses over and over, for n apparatuses."""
+def _note(worst, e, z, torque):
+    """Writes the twist (6,) of direction e and multiplier z."""
+    for k in range(3):
+        worst[k], worst[3 + k] = (z[k], e[k]) if torque else (e[k], z[k])
+
+
+@jit
+def _keep(points, directions, multipliers, at, point, e, z):
+    """Stores what one support call found in row `at`."""
+    write(points, at, 0, point)
+    write(directions, at, 0, e)
+    write(multipliers, at, 0, z)
+
+
+@jit
+def work_space():
+    """Returns the arrays that `radius` uses over and over."""
     return (
         np.empty((POINTS, 3)),
         np.empty((POINTS, 3)),
@@ -141,9 +158,6 @@ def work_space(n):
         np.empty((2 * POINTS + 8, 3), np.int64),
         np.empty((2 * POINTS + 8, 4)),
         np.empty((6 * POINTS, 2), np.int64),
-        np.empty((n, 3)),
-        np.empty(3),
-        scratch_space(),
     )
 
 
@@ -154,46 +168,44 @@ def radius(torque, p, limit, hover, frame, tolerance, work, worst):
     `frame` (3, 3): orthonormal rows to start with. Stops at upper - lower ≤ tolerance · upper, or
     as soon as the upper bound is negative (hover lies outside). ``lower`` is -inf where it fails.
     """
-    points, directions, multipliers, facets, planes, edges, f, z, scratch = work
-    upper, used, size = np.inf, 0, 0.0
-    e = np.empty(3)
+    points, directions, multipliers, facets, planes, edges = work
+    upper, size = np.inf, 0.0
+    z = (0.0, 0.0, 0.0)
     for k in range(6):
-        for c in range(3):
-            e[c] = frame[k // 2, c] if k % 2 == 0 else -frame[k // 2, c]
-            z[c] = -multipliers[k - 1, c] if k % 2 == 1 else 0.0
-        above, _, balanced = support(e, torque, p, limit, hover, z, f, points[used], scratch)
+        e = read(frame, k // 2, 0)
+        if k % 2 == 1:
+            e = times(e, -1.0)
+        z = (-z[0], -z[1], -z[2]) if k % 2 == 1 else (0.0, 0.0, 0.0)
+        above, _, balanced, z, point = support(e, z, torque, p, limit, hover)
         if above < upper:
             upper = above
-            worst[:3], worst[3:] = (z, e) if torque else (e, z)
+            _note(worst, e, z, torque)
         if not balanced:
             return -np.inf, upper, k + 1
-        directions[k], multipliers[k] = e, z
-        for c in range(3):
-            size = max(size, abs(points[k, c]))
-        used += 1
+        _keep(points, directions, multipliers, k, point, e, z)
+        size = max(size, abs(point[0]), abs(point[1]), abs(point[2]))
         if upper < -1e-12 * size:
-            return -np.inf, upper, used
-    count, first, second, third, fourth = simplex(points, used, facets, planes)
+            return -np.inf, upper, k + 1
+    count, first, second, third, fourth = simplex(points, 6, facets, planes)
     if count == 0:
-        return -np.inf, upper, used
-    slack = 1e-13 * size
-    for k in range(used):
+        return -np.inf, upper, 6
+    slack, weakest = 1e-13 * size, 0
+    for k in range(6):
         if k not in (first, second, third, fourth):
-            count = insert(points, k, facets, planes, count, edges, slack)
+            count, weakest = insert(points, k, facets, planes, count, edges, slack)
+    used = 6
     while True:
-        weakest = int(np.argmin(planes[:count, 3]))
         lower = planes[weakest, 3]
         if upper - lower <= tolerance * upper or used == POINTS:
             return lower, upper, used
-        for c in range(3):
-            e[c] = planes[weakest, c]
-        _guess(directions, multipliers, facets[weakest], e, z)
-        above, below, balanced = support(e, torque, p, limit, hover, z, f, points[used], scratch)
+        e = read(planes, weakest, 0)
+        z = _guess(directions, multipliers, facets[weakest], e)
+        above, below, balanced, z, point = support(e, z, torque, p, limit, hover)
         if above < upper:
             upper = above
-            worst[:3], worst[3:] = (z, e) if torque else (e, z)
+            _note(worst, e, z, torque)
         if not balanced or below - lower <= slack or upper < -1e-12 * size:
             return lower, upper, used
-        directions[used], multipliers[used] = e, z
+        _keep(points, directions, multipliers, used, point, e, z)
+        count, weakest = insert(points, used, facets, planes, count, edges, slack)
         used += 1
-        count = insert(points, used - 1, facets, planes, count, edges, slack)

@@ -139,7 +139,7 @@ def batch(points, limit, hover, tolerance, bounds, directions, ranks, counts):
     rest nan: the distance is another search.
     """
     n = limit.size
-    work = work_space(n)
+    work, moved = work_space(), np.empty((n, 3))
     gram, table, order = np.empty((6, 6)), np.empty((6, 12)), np.empty(6, np.int64)
     frame, tilts, twist = np.empty((3, 3)), np.zeros(2), np.empty(6)
     for i in range(points.shape[0]):
@@ -170,7 +170,7 @@ def batch(points, limit, hover, tolerance, bounds, directions, ranks, counts):
             bounds[i] = np.nan
             bounds[i, 0, 0], bounds[i, 0, 1] = -np.inf, -1.0
             continue
-        _bracket(p, limit, held, bounds[i], directions[i], ranks[i], work[6])
+        _bracket(p, limit, held, bounds[i], directions[i], ranks[i], moved)
 
 
 @jit

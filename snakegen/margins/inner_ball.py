@@ -42,7 +42,7 @@ def inner_ball(support: Support, tolerance: float, most: int = 300) -> tuple[flo
     if count == 0:
         return -np.inf, upper, worst
     for k in set(range(6)) - set(corners):
-        count = insert(points, k, facets, planes, count, edges, 1e-12 * size)
+        count, _ = insert(points, k, facets, planes, count, edges, 1e-12 * size)
     for used in range(6, most):
         weakest = int(np.argmin(planes[:count, 3]))
         lower, e = float(planes[weakest, 3]), planes[weakest, :3].copy()
@@ -55,5 +55,5 @@ def inner_ball(support: Support, tolerance: float, most: int = 300) -> tuple[flo
             return np.nan, upper, worst
         if points[used] @ e - lower <= 1e-12 * size:
             break
-        count = insert(points, used, facets, planes, count, edges, 1e-12 * size)
+        count, _ = insert(points, used, facets, planes, count, edges, 1e-12 * size)
     return max(float(planes[:count, 3].min()), 0.0), upper, worst
