@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -18,6 +19,7 @@ from snakegen.spec_file import load_spec
 from snakegen.verify.drive import contact_model, run_contact
 from snakegen.verify.drive_plan import DrivePlan, curled, following
 from snakegen.verify.drive_record import drive, judge
+from snakegen.verify.ground import pipe
 from snakegen.verify.join import join
 from snakegen.verify.missions import missions
 from snakegen.verify.missions.lcrank import first_state
@@ -122,6 +124,36 @@ def test_duct_no_wider_than_the_body(screw4):
     assert recording.verdict.passed, recording.verdict.summary()
     assert recording.meta["facts"]["width_m"] == pytest.approx(0.15)
     assert found["wheel_load_max_n"] > 2 * found["open_ground_wheel_load_max_n"]  # it presses
+
+
+def test_round_pipe_a_little_wider_than_the_body(screw4):
+    """It drives through, walls touching; a pipe narrower than the drums stops it at the mouth."""
+    way = {"length": 0.3, "entry": 0.1}
+    with pytest.raises(MissionError, match=r"0\.12 m apart; a pipe 0\.152 m wide takes 0\.035 m"):
+        run(screw4, "pipe", options=way)
+    with pytest.raises(MissionError, match="6 to 64"):
+        run(screw4, "pipe", options={"staves": 4})
+    robot = load(load_spec("screw4", overrides=["caster.track=0.02"]))
+    through = run(robot, "pipe", options=way)
+    found = through.metrics
+    assert through.verdict.passed, through.verdict.summary()
+    assert found["cone_use_mean"] > 1.5 * found["open_ground_cone_use_mean"]  # the sides touch
+    stuck = run(robot, "pipe", options=way | {"room": -0.004, "duration": 6.0}).metrics
+    assert stuck["distance_end_m"] > 0.3
+
+
+def test_staves_stand_round_a_pipe(screw4):
+    """Rays from the axis meet the polygon about the circle, the ground its lowest side."""
+    radius, staves = 0.08, 12
+    model = contact_model(screw4, pipe((1.0, 2.0), radius, staves))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for angle in np.linspace(0.1, 2 * math.pi, 29):
+        ray = np.array([0.0, math.sin(angle), -math.cos(angle)])
+        hit = np.zeros(1, np.int32)
+        far = mujoco.mj_ray(model, data, np.array([1.5, 0.0, radius]), ray, None, 1, -1, hit, None)
+        off = math.remainder(angle, 2 * math.pi / staves)
+        assert far == pytest.approx(radius / math.cos(off), rel=1e-9)
 
 
 def test_soft_pitch_joints_help_on_rough_ground(screw4):

@@ -36,6 +36,10 @@ def _obstacles(rec: Any, recording: Recording) -> None:
                 rr.Boxes3D(
                     centers=[boxes[i]["centre"] for i in chosen],
                     half_sizes=[boxes[i]["half"] for i in chosen],
+                    rotation_axis_angles=[
+                        rr.RotationAxisAngle((1.0, 0.0, 0.0), rr.Angle(rad=boxes[i].get("roll", 0)))
+                        for i in chosen
+                    ],
                     colors=[style.OBSTACLE],
                     fill_mode=getattr(rr.components.FillMode, mode),
                 ),

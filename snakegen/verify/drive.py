@@ -1,5 +1,6 @@
 """Drives run in the kinematic plant or in contact, and what is remembered of each tick."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -108,7 +109,8 @@ def contact_model(
     plane, box = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX
     spec.worldbody.add_geom(name="floor", type=plane, size=[0.0, 0.0, 0.05])
     for one in obstacles:
-        spec.worldbody.add_geom(name=one.name, type=box, pos=one.centre, size=one.half)
+        turn = [math.cos(one.roll / 2), math.sin(one.roll / 2), 0.0, 0.0]
+        spec.worldbody.add_geom(name=one.name, type=box, pos=one.centre, size=one.half, quat=turn)
     meet_rollers(spec)
     return spec.compile()
 

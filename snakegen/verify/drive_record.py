@@ -94,6 +94,12 @@ def judge(
     return recording.judged(found, verdict(found, bounds))
 
 
+def beside_open_ground(free: dict[str, Any]) -> dict[str, Any]:
+    """Returns the figures of the same drive on open ground, named so."""
+    names = ("distance_rmse_m", "distance_end_m", "screw_torque_max_n_m", "wheel_load_max_n")
+    return {f"open_ground_{name}": free[name] for name in (*names, "cone_use_mean")}
+
+
 def record(driven: Driven, meta: dict[str, Any]) -> Recording:
     """Returns the recording of a drive."""
     robot, g, rows = driven.robot, driven.geometry, driven.rows

@@ -1,4 +1,6 @@
-"""Ground that is not flat and open, as boxes: ducts, rough tiles, ledges."""
+"""Ground that is not flat and open, as boxes: ducts, pipes, rough tiles, ledges."""
+
+import math
 
 import numpy as np
 
@@ -17,6 +19,24 @@ def duct(x: tuple[float, float], width: float, height: float) -> tuple[Box, ...]
         Box("wall_right", (middle, -aside, up), (half, THICK, up)),
         Box("ceiling", (middle, 0.0, height + THICK), (half, 0.5 * width + 2 * THICK, THICK)),
     )
+
+
+def pipe(x: tuple[float, float], radius: float, staves: int = 16) -> tuple[Box, ...]:
+    """Returns a round pipe that lies on the ground along x, from x[0] to x[1] [m], as staves.
+
+    Its section is the regular polygon about the circle of `radius` [m]; the lowest stave is the
+    ground itself, so that a drive can enter.
+    """
+    middle, half = 0.5 * (x[0] + x[1]), 0.5 * (x[1] - x[0])
+    deep = 0.5 * THICK
+    wide = (radius + 2.0 * deep) * math.tan(math.pi / staves)
+    out = []
+    for k in range(1, staves):
+        roll = 2.0 * math.pi * k / staves
+        away = radius + deep
+        centre = (middle, away * math.sin(roll), radius - away * math.cos(roll))
+        out.append(Box(f"stave{k}", centre, (half, wide, deep), roll))
+    return tuple(out)
 
 
 def tiles(

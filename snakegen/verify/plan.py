@@ -23,11 +23,12 @@ class Failure:
 
 @dataclass(frozen=True)
 class Box:
-    """An obstacle: centre and half sizes [m], axes along the world's."""
+    """An obstacle: centre and half sizes [m], turned from the world's axes by `roll` about x."""
 
     name: str
     centre: tuple[float, float, float]
     half: tuple[float, float, float]
+    roll: float = 0.0  # rad
 
 
 @dataclass(frozen=True, eq=False)

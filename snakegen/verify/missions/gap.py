@@ -8,7 +8,7 @@ from typing import Any
 
 from snakegen.robot import Robot
 from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, following
-from snakegen.verify.drive_record import drive
+from snakegen.verify.drive_record import beside_open_ground, drive
 from snakegen.verify.ground import duct
 from snakegen.verify.recording import Recording
 
@@ -50,10 +50,4 @@ def fly(
     how: dict[str, Any] = {"seed": seed, "ideal": ideal}
     open_plan = DrivePlan(reference, plan.start, plan.duration, plan.gain, plan.feedback)
     free = drive(robot, "gap", open_plan, **how).metrics
-    return drive(robot, "gap", plan, progress=progress, more=_beside(free), **how)
-
-
-def _beside(free: dict[str, Any]) -> dict[str, Any]:
-    """Returns the figures of open ground, named so."""
-    names = ("distance_rmse_m", "distance_end_m", "screw_torque_max_n_m", "wheel_load_max_n")
-    return {f"open_ground_{name}": free[name] for name in names}
+    return drive(robot, "gap", plan, progress=progress, more=beside_open_ground(free), **how)

@@ -1,0 +1,84 @@
+"""Drive through a round pipe a little wider than the body, and compare with open ground.
+
+Straight ahead, every wheel's no-slip condition (HA eq 3) is the same all round a drum, so a wall
+that touches anywhere rolls along as the ground does.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from snakegen.errors import MissionError
+from snakegen.robot import Robot
+from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, following
+from snakegen.verify.drive_record import beside_open_ground, drive
+from snakegen.verify.ground import pipe
+from snakegen.verify.recording import Recording
+
+OPTIONS: dict[str, list[Any]] = {k: v for k, v in COMMON.items() if k != "plant"} | {
+    "room": [0.001, "m, between drums and pipe all round; less than 0: the pipe presses on them"],
+    "staves": [16, "1, flats that make the pipe's section; the lowest is the ground"],
+    "entry": [0.25, "m ahead of the head, where the pipe begins"],
+    "length": [1.2, "m, of the pipe"],
+}
+
+
+def applies(robot: Robot) -> bool:
+    """A floating base and two or more screw drums."""
+    return can_drive(robot)
+
+
+def widest_track(radius: float, room: float, ball: float, staves: int) -> float:
+    """Returns how far apart [m] a caster's balls may stand in a pipe of inner radius R.
+
+    Balls of radius b at ±t/2 touch stave k, at angle a, lifted by δ where
+    ``t/2 sin a + (R − b − δ) cos a = R − b``; δ = twice the room presses drums against the top.
+    """
+    inside, angle = radius - ball, 2.0 * np.pi * np.arange(1, staves // 2) / staves
+    lifted = inside - (inside - 2.0 * max(room, 0.0)) * np.cos(angle)
+    return 2.0 * float(np.min(lifted / np.sin(angle)))
+
+
+def check_fit(robot: Robot, radius: float, room: float, staves: int) -> None:
+    """Raises MissionError where a caster's balls stand too far apart for the pipe."""
+    for caster in robot.modules.casters:
+        most = widest_track(radius, room, caster.radius, staves)
+        if caster.track > most:
+            raise MissionError(
+                f"the balls of {caster.link} stand {caster.track:g} m apart; a pipe "
+                f"{2 * radius:g} m wide takes {math.floor(1e3 * most) / 1e3:g} m: narrow the "
+                "spec's caster.track."
+            )
+
+
+def fly(
+    robot: Robot, *, seed: int, ideal: bool, options: dict[str, Any], progress: Any
+) -> Recording:
+    """Drives open ground first, then the pipe, and returns the judged recording of the latter."""
+    o = {k: v[0] for k, v in OPTIONS.items()} | options
+    drum = robot.modules.screws[0].radius
+    radius, staves = drum + o["room"], o["staves"]
+    if not (radius > 0.9 * drum and o["length"] > 0):
+        raise MissionError("pipe needs a length above 0 and at least 0.9 of the drums' radius.")
+    if not (isinstance(staves, int) and 6 <= staves <= 64):
+        raise MissionError(f"staves = {staves}: a pipe is made of 6 to 64.")
+    check_fit(robot, radius, o["room"], staves)
+    body = sum(robot.modules.lengths.values())
+    path = [("line", o["entry"] + o["length"] + body + 0.1)]
+    reference = following(robot, path, o["speed"], o["acceleration"])
+    plan = DrivePlan(
+        reference,
+        reference.at(0.0)[0],
+        o["duration"] or reference.duration + 1.0,
+        o["gain"],
+        o["feedback"],
+        obstacles=pipe((o["entry"], o["entry"] + o["length"]), radius, staves),
+        events=((0.0, f"a pipe {2 * radius:.3f} m wide inside lies ahead"),),
+        facts={"pipe_diameter_m": 2.0 * radius, "drum_diameter_m": 2.0 * drum},
+        thresholds={"distance_end_m": {"at_most": 0.01}},
+    )
+    how: dict[str, Any] = {"seed": seed, "ideal": ideal}
+    open_plan = DrivePlan(reference, plan.start, plan.duration, plan.gain, plan.feedback)
+    free = drive(robot, "pipe", open_plan, **how).metrics
+    return drive(robot, "pipe", plan, progress=progress, more=beside_open_ground(free), **how)
