@@ -9,6 +9,9 @@ from snakegen.geometry import Floats, wxyz_from_xyzw
 from snakegen.kernels.chain import centre_of_gravity, forward
 from snakegen.robot import Robot
 
+LONG = 12  # links; longer chains are drawn coiled
+GAP = 1.2  # lengths between the turns of a coil
+
 
 def robot_picture(robot: Robot, scene: Path, png: Path) -> str:
     """Writes the picture of `robot`; returns "" or the reason why it is a drawing.
@@ -21,7 +24,7 @@ def robot_picture(robot: Robot, scene: Path, png: Path) -> str:
     from snakegen.description.picture import render
     from snakegen.plot_robot import draw_robot
 
-    q = _shown(robot)
+    q = posture_shown(robot)
     done = render(scene, png, width=1280, height=800, qpos=_qpos(robot, q, scene).tolist())
     if done:
         return ""
@@ -29,7 +32,7 @@ def robot_picture(robot: Robot, scene: Path, png: Path) -> str:
     return f"drawn as a figure, not rendered: {done.reason}"
 
 
-def _shown(robot: Robot) -> Floats:
+def posture_shown(robot: Robot) -> Floats:
     """Returns the posture of the picture: bent a little; drives on the ground, others 0.6 m up."""
     from snakegen.posture import set_angle
 
@@ -37,23 +40,40 @@ def _shown(robot: Robot) -> Floats:
     names = list(robot.chain_joints)
     low, high, _ = robot.limits(names)
     stands = bool(robot.modules.screws) and not robot.modules.apparatuses
+    lengths = robot.modules.lengths
+    coil = _coil(names) if len(lengths) > LONG else {}
     for k, name in enumerate(names):
         bend = 0.9 if name.endswith("_yaw") else (-0.3, 0.3)[(k // 2) % 2]
         if stands:
             bend = (0.6, 0.3, -0.5)[(k // 2) % 3] if name.endswith("_yaw") else 0.0
-        if len(robot.modules.lengths) > 5:
-            bend *= 5.0 / len(robot.modules.lengths) * (1.0, -1.0)[(k // 6) % 2]
+        if len(lengths) > 5:
+            bend *= 5.0 / len(lengths) * (1.0, -1.0)[(k // 6) % 2]
+        if coil:
+            bend = coil.get(name, 0.0)
         set_angle(robot, q, name, float(np.clip(bend, low[k], high[k])))
     if robot.floating:
         q[2] = robot.modules.screws[0].radius if stands else 0.6
     return q
 
 
+def _coil(names: list[str]) -> dict[str, float]:
+    """Returns the angles of a flat coil, as a snake at rest: a long chain stretched is a thread.
+
+    Each joint turns by length over radius of an Archimedean spiral of `GAP` lengths a turn.
+    """
+    joints = [n for n in names if n.endswith("_yaw")] or names
+    turned, angles = 0.0, {}
+    for name in joints:
+        angles[name] = 1.0 / (GAP * (1.0 + turned / (2.0 * np.pi)))
+        turned += angles[name]
+    return angles
+
+
 def _qpos(robot: Robot, q: Floats, scene: Path) -> Floats:
     """Returns q in MuJoCo's order for the model of `scene`."""
-    import mujoco
+    from snakegen.description.mjcf_files import load_model
 
-    model = mujoco.MjModel.from_xml_path(str(scene))
+    model = load_model(scene)
     out = np.array(model.qpos0)
     if robot.floating:
         out[:3], out[3:7] = q[:3], wxyz_from_xyzw(q[3:7])

@@ -83,14 +83,19 @@ def draw_robot(
     )
     ground = float(points[:, 2].min() - 0.12 * size) if floor is None else floor
     circles, eye = _circles(rotors, axes_of, radii), _eye(view)
+    # lines have widths in points: a chain of many links would be all line
+    length = (
+        float(np.linalg.norm(np.diff(segments, axis=1), axis=-1).mean()) if len(segments) else 0
+    )
+    thin = float(np.clip(14.0 * length / size, 0.1, 1.0))
 
     def draw(axes: Any) -> None:
         # arrows are annotations, which do not widen the axes by themselves
         axes.plot(*(eye[:2] @ points.T), ",", alpha=0.0)
         _stage(axes, points, ground, size, eye)
-        _shadow(axes, segments, circles, ground, eye)
-        _joints_and_arms(axes, segments, rotors, eye)
-        _rods(axes, segments, labels, eye)
+        _shadow(axes, segments, circles, ground, eye, thin)
+        _joints_and_arms(axes, segments, rotors, eye, thin)
+        _rods(axes, segments, labels, eye, thin)
         _discs(axes, rotors, circles, arrows, eye)
         if cog is not None:
             centre = _checked("cog", cog, (3,))
@@ -158,7 +163,8 @@ def _order(points: Array, eye: Array) -> Array:
 
 def _stage(axes: Any, points: Array, ground: float, size: float, eye: Array) -> None:
     """Draws the floor's grid under the robot and fits both into the axes."""
-    step = next(s for s in (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 1e9) if size / s <= 8)
+    decade = 10.0 ** np.floor(np.log10(size / 8))
+    step = decade * next(s for s in (1.0, 2.0, 5.0, 10.0) if size <= 8 * s * decade)
     x0, y0 = step * np.floor(points[:, :2].min(axis=0) / step - 0.2)
     x1, y1 = step * np.ceil(points[:, :2].max(axis=0) / step + 0.2)
     lines = [[(x, y0, ground), (x, y1, ground)] for x in np.arange(x0, x1 + step / 2, step)]
@@ -181,26 +187,32 @@ def _stage(axes: Any, points: Array, ground: float, size: float, eye: Array) -> 
     axes.set_axis_off()
 
 
-def _shadow(axes: Any, segments: Array, circles: Array, ground: float, eye: Array) -> None:
+def _shadow(
+    axes: Any, segments: Array, circles: Array, ground: float, eye: Array, thin: float
+) -> None:
     """Draws what the robot would cast on the floor under light from straight above."""
     flat, rims = segments.copy(), circles.copy()
     flat[..., 2], rims[..., 2] = ground, ground
     for segment in flat:
-        axes.plot(*(eye[:2] @ segment.T), color=SHADOW, lw=5, zorder=2, solid_capstyle="round")
+        axes.plot(
+            *(eye[:2] @ segment.T), color=SHADOW, lw=5 * thin, zorder=2, solid_capstyle="round"
+        )
     for rim in rims:
         axes.fill(*(eye[:2] @ rim.T), color=SHADOW, lw=0, zorder=2)
 
 
-def _rods(axes: Any, segments: Array, labels: Sequence[str] | None, eye: Array) -> None:
+def _rods(
+    axes: Any, segments: Array, labels: Sequence[str] | None, eye: Array, thin: float
+) -> None:
     """Draws each link as a shaded tube with a ball at its root."""
     order = _order(segments.mean(axis=1), eye)
     for i, (segment, near) in enumerate(zip(segments, order, strict=True)):
         line = eye[:2] @ segment.T
         for width, colour in ((8.0, INK), (5.6, "#57616d"), (1.8, "#9aa4af")):
-            axes.plot(*line, color=colour, lw=width, zorder=near, solid_capstyle="round")
+            axes.plot(*line, color=colour, lw=width * thin, zorder=near, solid_capstyle="round")
         # the ball belongs to both links that meet in it
         above = max(near, order[max(i - 1, 0)]) + 0.1
-        axes.plot(*line[:, :1], "o", color=ORANGE, ms=9, mec=INK, zorder=above)
+        axes.plot(*line[:, :1], "o", color=ORANGE, ms=9 * thin, mec=INK, mew=thin, zorder=above)
         if labels is not None:
             axes.annotate(
                 labels[i],
@@ -215,19 +227,19 @@ def _rods(axes: Any, segments: Array, labels: Sequence[str] | None, eye: Array) 
             )
 
 
-def _joints_and_arms(axes: Any, segments: Array, rotors: Array, eye: Array) -> None:
+def _joints_and_arms(axes: Any, segments: Array, rotors: Array, eye: Array, thin: float) -> None:
     """Draws what holds the parts together: the gap of a two-axis joint, a rotor's arm."""
     along = segments[:, 1] - segments[:, 0]
     length = float(np.linalg.norm(along, axis=1).mean())
     for tip, root in zip(segments[:-1, 1], segments[1:, 0], strict=True):
         # a longer gap is another branch, not a joint
         if np.linalg.norm(root - tip) < 0.6 * length:
-            axes.plot(*(eye[:2] @ np.array([tip, root]).T), color=ORANGE, lw=5, zorder=9)
+            axes.plot(*(eye[:2] @ np.array([tip, root]).T), color=ORANGE, lw=5 * thin, zorder=9)
     for rotor in rotors:
         share = ((rotor - segments[:, 0]) * along).sum(1) / np.maximum((along**2).sum(1), 1e-12)
         feet = segments[:, 0] + np.clip(share, 0.0, 1.0)[:, None] * along
         foot = feet[np.argmin(np.linalg.norm(feet - rotor, axis=1))]
-        axes.plot(*(eye[:2] @ np.array([rotor, foot]).T), color=GREY, lw=2, zorder=9)
+        axes.plot(*(eye[:2] @ np.array([rotor, foot]).T), color=GREY, lw=2 * thin, zorder=9)
 
 
 def _discs(axes: Any, rotors: Array, circles: Array, arrows: Array, eye: Array) -> None:

@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from snakegen.description.picture import is_blank, render, robot_share
+from snakegen.picture import figure, posture_shown
+from snakegen.robot import load
+from snakegen.spec_file import load_spec
 
 SCENE = """
 <mujoco>
@@ -56,6 +59,18 @@ def pixels(path: Path) -> np.ndarray:
 def red(image: np.ndarray) -> np.ndarray:
     """Rows and columns of the pixels that show the red robot."""
     return np.argwhere(image[..., 0] > image[..., 1] + 60)
+
+
+@pytest.mark.parametrize("links", [16, 60])
+def test_a_long_chain_is_shown_coiled_and_clear_of_itself(links: int) -> None:
+    robot = load(load_spec("dragon4", links=links))
+    shown = figure(robot, posture_shown(robot))["link_segments"]
+    middles = shown.mean(axis=1)
+    length = np.linalg.norm(shown[0, 1] - shown[0, 0])
+    apart = np.linalg.norm(middles[:, None] - middles, axis=-1)
+    apart[np.abs(np.subtract.outer(range(links), range(links))) <= 2] = np.inf
+    assert apart.min() > 0.8 * length
+    assert np.ptp(shown.reshape(-1, 3), axis=0).max() < 1.6 * length * links**0.5
 
 
 def test_picture_shows_the_robot_in_the_middle(drawn: Path) -> None:

@@ -118,7 +118,9 @@ def _draw(ask: dict[str, Any]) -> str:
         # importing mujoco loads the backend's library; without it PyOpenGL fails in many ways
         return f"GL: its library does not load, {type(error).__name__}"
     try:
-        model = mujoco.MjModel.from_xml_path(ask["mjcf"])
+        from snakegen.description.mjcf_files import load_model
+
+        model = load_model(Path(ask["mjcf"]))
     except ValueError as error:
         return f"the model cannot be read: {_line(error)}"
     width, height = ask["size"]
