@@ -1,7 +1,7 @@
 """Facets of full-rank zonotopes of common sizes: 8 columns in 6-D, any number in 4-D.
 
 In 6-D the Gale dual makes facets cheap: each is a triple of rows of the null space, an (8, 2)
-matrix. In 4-D, products of facets are 4×4 determinants, each shared by four facets. Both give up
+matrix. In 4-D a facet's normal is the generalised cross product of three columns. Both give up
 where a triple is nearly dependent and would lose digits; then the tree of `facets` takes over.
 """
 
@@ -11,6 +11,21 @@ from snakegen.kernels.facets import FAST, FIRST, FLAT, INSIDE
 from snakegen.kernels.jit import jit
 
 GREY = 1e-5  # triples below this share (but not zero) lose digits
+NULL, MINOR = 112, 152  # where the null space and its minors stand in `ins`
+ORBITS = ((1, 2), (1, 3), (1, 4), (1, 5), (1, 6), (2, 4), (2, 5))  # triples up to rotation
+
+
+def _triples():
+    """Returns (56, 4): place in the orbits, then i < j < k, in the order of i, j, k."""
+    place = {
+        tuple(sorted((a, (a + s) % 8, (a + t) % 8))): 8 * orbit + a
+        for orbit, (s, t) in enumerate(ORBITS)
+        for a in range(8)
+    }
+    return np.array([(place[triple], *triple) for triple in sorted(place)])
+
+
+TRIPLES = _triples()
 
 
 @jit
@@ -56,146 +71,185 @@ def invert_basis(a, table, order):
 
 
 @jit(fastmath=FAST)
-def _dual(table, order, y, null, right, minors):
-    """Fills the null space (8, 2), the right inverse with `y` (7·8) and the minors (8·8), flat.
+def _dual(table, order, y, ins):
+    """Fills `ins` (236,), every row of eight repeated so that it can be read from any start.
 
-    Returns the size of the largest minor that could occur.
+    From 0 the right inverse, six rows of 16, and the right inverse times `y`; from 112 the null
+    space's two columns, 20 long; from 152, twelve long, the minors of its rows a and a + s for
+    s = 1…6. Returns the size of the largest minor that could occur.
     """
-    null[:] = 0.0
-    right[:] = 0.0
+    ins[:152] = 0.0
     free, largest = 0, 1.0
     for j in range(8):
         taken = False
         for i in range(6):
             taken = taken or order[i] == j
         if not taken:
-            null[j, free] = 1.0
+            ins[NULL + 20 * free + j] = 1.0
             for i in range(6):
-                null[order[i], free] = -table[i, j]
+                ins[NULL + 20 * free + order[i]] = -table[i, j]
                 largest = max(largest, abs(table[i, j]))
             free += 1
     for i in range(6):
-        at = order[i]
+        along = 0.0
         for j in range(6):
-            right[8 * j + at] = table[i, 8 + j]
-            right[48 + at] += table[i, 8 + j] * y[j]
-    for i in range(8):
-        for j in range(8):
-            minors[8 * i + j] = null[i, 0] * null[j, 1] - null[i, 1] * null[j, 0]
+            ins[16 * j + order[i]] = table[i, 8 + j]
+            along += table[i, 8 + j] * y[j]
+        ins[96 + order[i]] = along
+    for c in range(7):
+        for a in range(8):
+            ins[16 * c + 8 + a] = ins[16 * c + a]
+    for f in range(2):
+        for a in range(12):
+            ins[NULL + 20 * f + 8 + a] = ins[NULL + 20 * f + a]
+    for s in range(1, 7):
+        for a in range(12):
+            whole = ins[NULL + a] * ins[NULL + 20 + a + s]
+            ins[MINOR + 12 * s + a] = whole - ins[NULL + a + s] * ins[NULL + 20 + a]
     return largest * largest
 
 
 @jit(fastmath=FAST)
-def gale(table, order, y, squared, normals, null, right, minors, lanes):
+def _orbits(ins, out, grey):
+    """Writes margin² of wrench, force and torque of all 56 facets to `out` (3·56).
+
+    Eight triples (a, a + s, a + t), a = 0…7 modulo 8, are worked at once: one vector instruction
+    serves several. Returns how many facets have y outside, and how many are too nearly dependent.
+    """
+    outside, dull = 0.0, 0.0
+    for orbit in range(7):
+        s, t = ORBITS[orbit]
+        for a in range(8):
+            z_i, z_j = ins[MINOR + 12 * (t - s) + a + s], -ins[MINOR + 12 * t + a]
+            z_k = ins[MINOR + 12 * s + a]
+            force, torque = 0.0, 0.0
+            for c in range(3):
+                d = z_i * ins[16 * c + a] + z_j * ins[16 * c + a + s] + z_k * ins[16 * c + a + t]
+                force += d * d
+            for c in range(3, 6):
+                d = z_i * ins[16 * c + a] + z_j * ins[16 * c + a + s] + z_k * ins[16 * c + a + t]
+                torque += d * d
+            along = z_i * ins[96 + a] + z_j * ins[96 + a + s] + z_k * ins[96 + a + t]
+            height = abs(z_i) + abs(z_j) + abs(z_k)
+            slack, rounding = 0.5 * height - abs(along), INSIDE * height
+            none = height < 1e-9 * grey
+            outside += 1.0 if slack < -rounding and not none else 0.0
+            dull += 1.0 if height < grey and not none else 0.0
+            gap = 0.0 if slack < rounding else slack * slack
+            at = 8 * orbit + a
+            out[at] = np.inf if none else gap / (force + torque)
+            out[56 + at] = np.inf if none or force <= FLAT * torque else gap / force
+            out[112 + at] = np.inf if none or torque <= FLAT * force else gap / torque
+    return outside, dull
+
+
+@jit(fastmath=FAST)
+def gale(table, order, y, squared, normals, ins, out):
     """Facets of rank 6 with 8 columns, from `invert_basis`; 1 done, 0 outside, -1 ask the tree.
 
     A facet's five columns leave a triple (i, j, k); ``d·a`` there is the cross product of the
-    null space's two columns (8, 2) restricted to the triple, and 0 on the other five. For each
-    (i, j) all eight k are worked at once, in `lanes` (5·8): one vector instruction serves several.
+    null space's two columns (8, 2) restricted to the triple, and 0 on the other five. `ins` (236,)
+    and `out` (168,) are work space.
     """
-    grey = GREY * _dual(table, order, y, null, right, minors)
-    best = np.full(3, -1)
-    for i in range(6):
-        for j in range(i + 1, 7):
-            z_k = minors[8 * i + j]
-            for k in range(8):
-                z_i, z_j = minors[8 * j + k], -minors[8 * i + k]
-                force, torque = 0.0, 0.0
-                for c in range(3):
-                    d = z_i * right[8 * c + i] + z_j * right[8 * c + j] + z_k * right[8 * c + k]
-                    force += d * d
-                for c in range(3, 6):
-                    d = z_i * right[8 * c + i] + z_j * right[8 * c + j] + z_k * right[8 * c + k]
-                    torque += d * d
-                along = z_i * right[48 + i] + z_j * right[48 + j] + z_k * right[48 + k]
-                lanes[k] = force
-                lanes[8 + k] = torque
-                lanes[16 + k] = abs(z_i) + abs(z_j) + abs(z_k)
-                lanes[24 + k] = 0.5 * lanes[16 + k] - abs(along)
-            for k in range(j + 1, 8):
-                height, slack = lanes[16 + k], lanes[24 + k]
-                if height < grey:
-                    if height < 1e-9 * grey:
-                        continue
-                    return -1
-                if slack < INSIDE * height:
-                    if slack < -INSIDE * height:
-                        return 0
-                    slack = 0.0
-                force, torque, gap = lanes[k], lanes[8 + k], slack * slack
-                if gap < FIRST * squared[0] * (force + torque):
-                    squared[0] = gap / (force + torque)
-                    best[0] = 64 * i + 8 * j + k
-                if gap < FIRST * squared[1] * force and force > FLAT * torque:
-                    squared[1] = gap / force
-                    best[1] = 64 * i + 8 * j + k
-                if gap < FIRST * squared[2] * torque and torque > FLAT * force:
-                    squared[2] = gap / torque
-                    best[2] = 64 * i + 8 * j + k
-    for b in range(3):
-        i, j, k = best[b] // 64, best[b] // 8 % 8, best[b] % 8
-        if best[b] < 0:
-            continue
-        z_i, z_j, z_k = minors[8 * j + k], -minors[8 * i + k], minors[8 * i + j]
-        if z_i * right[48 + i] + z_j * right[48 + j] + z_k * right[48 + k] < 0.0:
-            z_i, z_j, z_k = -z_i, -z_j, -z_k  # the facet that y is nearer to, not its opposite
-        for c in range(6):
-            normals[b, c] = z_i * right[8 * c + i] + z_j * right[8 * c + j] + z_k * right[8 * c + k]
+    outside, dull = _orbits(ins, out, GREY * _dual(table, order, y, ins))
+    if dull > 0.0:
+        return -1
+    if outside > 0.0:
+        return 0
+    first, second, third = -1, -1, -1
+    wrench, force, torque = np.inf, np.inf, np.inf
+    for m in range(56):
+        at = TRIPLES[m, 0]
+        if out[at] < FIRST * wrench:
+            wrench, first = out[at], m
+        if out[56 + at] < FIRST * force:
+            force, second = out[56 + at], m
+        if out[112 + at] < FIRST * torque:
+            torque, third = out[112 + at], m
+    squared[0], squared[1], squared[2] = wrench, force, torque
+    _normal6(ins, first, normals[0])
+    _normal6(ins, second, normals[1])
+    _normal6(ins, third, normals[2])
     return 1
 
 
 @jit(fastmath=FAST)
-def _cross4(a, i, j, d, k):
-    """Writes to `d` (4,) the generalised cross product of columns i, j, k of `a` (4, n)."""
-    p01, p02 = a[0, i] * a[1, j] - a[1, i] * a[0, j], a[0, i] * a[2, j] - a[2, i] * a[0, j]
-    p03, p12 = a[0, i] * a[3, j] - a[3, i] * a[0, j], a[1, i] * a[2, j] - a[2, i] * a[1, j]
-    p13, p23 = a[1, i] * a[3, j] - a[3, i] * a[1, j], a[2, i] * a[3, j] - a[3, i] * a[2, j]
-    d[0] = p12 * a[3, k] - p13 * a[2, k] + p23 * a[1, k]
-    d[1] = p03 * a[2, k] - p02 * a[3, k] - p23 * a[0, k]
-    d[2] = p01 * a[3, k] - p03 * a[1, k] + p13 * a[0, k]
-    d[3] = p02 * a[1, k] - p01 * a[2, k] - p12 * a[0, k]
+def _normal6(ins, m, out):
+    """Writes the normal (6,) of the facet that leaves triple m (none: -1), on the side of y."""
+    if m < 0:
+        return
+    i, j, k = TRIPLES[m, 1], TRIPLES[m, 2], TRIPLES[m, 3]
+    z_i = ins[NULL + j] * ins[NULL + 20 + k] - ins[NULL + k] * ins[NULL + 20 + j]
+    z_j = ins[NULL + k] * ins[NULL + 20 + i] - ins[NULL + i] * ins[NULL + 20 + k]
+    z_k = ins[NULL + i] * ins[NULL + 20 + j] - ins[NULL + j] * ins[NULL + 20 + i]
+    if z_i * ins[96 + i] + z_j * ins[96 + j] + z_k * ins[96 + k] < 0.0:
+        z_i, z_j, z_k = -z_i, -z_j, -z_k
+    for c in range(6):
+        out[c] = z_i * ins[16 * c + i] + z_j * ins[16 * c + j] + z_k * ins[16 * c + k]
 
 
 @jit(fastmath=FAST)
-def four(a, y, squared, normals, heights, sizes):
-    """Facets of a full set `a` (4, n), wrench margin alone; returns as `gale` does.
+def _pair(a, i, j):
+    """Returns the six 2×2 minors of columns i, j of `a` (4, …)."""
+    return (
+        a[0, i] * a[1, j] - a[1, i] * a[0, j],
+        a[0, i] * a[2, j] - a[2, i] * a[0, j],
+        a[0, i] * a[3, j] - a[3, i] * a[0, j],
+        a[1, i] * a[2, j] - a[2, i] * a[1, j],
+        a[1, i] * a[3, j] - a[3, i] * a[1, j],
+        a[2, i] * a[3, j] - a[3, i] * a[2, j],
+    )
 
-    |det| of every four columns is worked once and added to `heights` (n, n, n) of the triples
-    that see it; a triple's normal is the generalised cross product of its columns.
-    """
-    n = a.shape[1]
-    d = np.empty(4)
+
+@jit(fastmath=FAST)
+def _cross4(m, a, k):
+    """Returns the generalised cross product of the pair with minors m and column k of `a`."""
+    x, y, z, w = a[0, k], a[1, k], a[2, k], a[3, k]
+    return (
+        m[3] * w - m[4] * z + m[5] * y,
+        m[2] * z - m[1] * w - m[5] * x,
+        m[0] * w - m[2] * y + m[4] * x,
+        m[1] * y - m[0] * z - m[3] * x,
+    )
+
+
+@jit(fastmath=FAST)
+def _width(a, d):
+    """Returns ``Σ |d·a_l|`` over the columns of `a` (4, n)."""
+    total = 0.0
+    for l in range(a.shape[1]):
+        total += abs(d[0] * a[0, l] + d[1] * a[1, l] + d[2] * a[2, l] + d[3] * a[3, l])
+    return total
+
+
+@jit(fastmath=FAST)
+def four(a, y, squared, normals, sizes):
+    """Facets of a full set `a` (4, n), wrench margin alone; returns as `gale` does."""
+    n, least = a.shape[1], np.inf
     for k in range(n):
         sizes[k] = np.sqrt(a[0, k] ** 2 + a[1, k] ** 2 + a[2, k] ** 2 + a[3, k] ** 2)
-        for i in range(k):
-            for j in range(i + 1, k):
-                heights[i, j, k] = 0.0
     for i in range(n):
         for j in range(i + 1, n):
+            minors = _pair(a, i, j)
             for k in range(j + 1, n):
-                _cross4(a, i, j, d, k)
-                for l in range(k + 1, n):
-                    det = abs(d[0] * a[0, l] + d[1] * a[1, l] + d[2] * a[2, l] + d[3] * a[3, l])
-                    heights[i, j, k] += det
-                    heights[i, j, l] += det
-                    heights[i, k, l] += det
-                    heights[j, k, l] += det
-                # the later columns have all been added by now, the earlier ones before
+                d = _cross4(minors, a, k)
                 both = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + d[3] * d[3]
                 whole = (GREY * sizes[i] * sizes[j] * sizes[k]) ** 2
                 if both < whole:
                     if both < 1e-12 * whole:
                         continue
                     return -1
-                height = heights[i, j, k]
+                height = _width(a, d)
                 along = d[0] * y[0] + d[1] * y[1] + d[2] * y[2] + d[3] * y[3]
                 slack = 0.5 * height - abs(along)
                 if slack < INSIDE * height:
                     if slack < -INSIDE * height:
                         return 0
                     slack = 0.0
-                if slack * slack < FIRST * squared[0] * both:
-                    squared[0] = slack * slack / both
+                if slack * slack < FIRST * least * both:
+                    least = slack * slack / both
+                    sign = -1.0 if along < 0.0 else 1.0
                     for c in range(4):
-                        normals[0, 2 + c] = -d[c] if along < 0.0 else d[c]
+                        normals[0, 2 + c] = sign * d[c]
+    squared[0] = least
     return 1

@@ -100,8 +100,9 @@ def _outside(a, y, margin, normals):
 
 
 @jit
-def _within(a, y, margin, normals, squared, rows, stack, sizes, span):
+def _within(a, y, margin, normals, squared, spare):
     """Margins (3,) where `a` (d, n) lacks rank: in its own subspace. Returns the rank."""
+    rows, stack, sizes, span = spare
     d, n = a.shape
     basis, lost = subspace(a, RANK_TOLERANCE)
     r = basis.shape[1]
@@ -138,51 +139,65 @@ def _within(a, y, margin, normals, squared, rows, stack, sizes, span):
 
 
 @jit
-def _posture(a, y, margin, normals, work):
-    """Margins (3,) and normals (3, 6) of one scaled set `a` (d, n) about `y`; returns the rank."""
-    rows, stack, sizes, squared, span, table, order, null, right, minors, lanes, heights = work
-    d, n = a.shape
+def _by_tree(a, y, squared, normals, spare):
+    """The facets of a set of full rank by the tree; returns 1, or 0 where y lies outside."""
+    rows, stack, sizes, span = spare
     squared[:] = np.inf
-    normals[:] = 0.0
-    margin[:] = np.nan
-    if n < d or invert_basis(a, table, order) <= RANK_TOLERANCE:
-        return _within(a, y, margin, normals, squared, rows, stack, sizes, span)
-    state = -1
-    if n == 8 and d == 6:
-        state = gale(table, order, y, squared, normals, null, right, minors, lanes)
-    elif d == 4:
-        state = four(a, y, squared, normals, heights, sizes)
+    _whole(rows, a, y)
+    return int(tree(rows, a.shape[0], a.shape[1], stack, sizes, squared, normals, span, False))
+
+
+@jit
+def _six(a, y, margin, normals, squared, table, order, ins, out, spare):
+    """Margins (3,) and normals (3, 6) of one scaled set `a` (6, n) about `y`; returns the rank."""
+    n = a.shape[1]
+    _clear(margin, normals, squared)
+    if n < 6 or invert_basis(a, table, order) <= RANK_TOLERANCE:
+        return _within(a, y, margin, normals, squared, spare)
+    state = gale(table, order, y, squared, normals, ins, out) if n == 8 else -1
     if state < 0:
-        squared[:] = np.inf
-        _whole(rows, a, y)
-        state = int(tree(rows, d, n, stack, sizes, squared, normals, span, False))
+        state = _by_tree(a, y, squared, normals, spare)
+    _finish(state, a, y, margin, normals, squared)
+    return 6
+
+
+@jit
+def _four(a, y, known, margin, normals, squared, table, order, spare):
+    """As `_six` for `a` (4, n), the wrench margin alone; `known` says that its rank is full."""
+    n = a.shape[1]
+    _clear(margin, normals, squared)
+    if not known and (n < 4 or invert_basis(a, table, order) <= RANK_TOLERANCE):
+        _within(a, y, margin, normals, squared, spare)
+        return
+    state = four(a, y, squared, normals, spare[2])
+    if state < 0:
+        state = _by_tree(a, y, squared, normals, spare)
+    _finish(state, a, y, margin, normals, squared)
+
+
+@jit
+def _clear(margin, normals, squared):
+    for i in range(3):
+        squared[i], margin[i] = np.inf, np.nan
+        for c in range(6):
+            normals[i, c] = 0.0
+
+
+@jit
+def _finish(state, a, y, margin, normals, squared):
+    """Takes the roots of `squared`, or the distance where y was found outside."""
     if state == 1:
         for i in range(3):
             margin[i] = np.sqrt(squared[i])
     else:
-        margin[:] = np.nan
         normals[:] = 0.0
         _outside(a, y, margin, normals)
-    return d
 
 
 @jit
-def work_space(n):
-    """Returns the arrays that `batch` and `along` use over and over, for `n` columns."""
-    return (
-        np.zeros((6, n + 8)),
-        np.zeros((6, 6, n + 8)),
-        np.zeros(n),
-        np.zeros(3),
-        np.zeros(2),
-        np.zeros((6, n + 6)),
-        np.zeros(6, np.int64),
-        np.zeros((8, 2)),
-        np.zeros(56),
-        np.zeros(64),
-        np.zeros(40),
-        np.zeros((n, n, n)),
-    )
+def spare_space(n):
+    """Returns the arrays that the slower ways and `along` use over and over, for `n` columns."""
+    return np.zeros((6, n + 8)), np.zeros((6, 6, n + 8)), np.zeros(n), np.zeros(2)
 
 
 @jit
@@ -205,18 +220,30 @@ def batch(q, half, middle, hover, scale, margins, normals, ranks):
     hover is infeasible the first is minus the distance and force and torque are nan.
     """
     n = q.shape[2]
-    a, y = np.empty((6, n)), np.empty(6)
-    work, flat = work_space(n), work_space(n)
-    margin, normal = np.empty(3), np.empty((3, 6))
-    a4 = np.empty((4, n))
-    narrow = (*flat[:5], np.zeros((4, n + 4)), np.zeros(4, np.int64), *flat[7:])
+    a, y, a4 = np.empty((6, n)), np.empty(6), np.empty((4, n))
+    margin, normal, squared = np.empty(3), np.empty((3, 6)), np.empty(3)
+    table, order, ins, out = (
+        np.empty((6, n + 6)),
+        np.empty(6, np.int64),
+        np.empty(236),
+        np.empty(168),
+    )
+    table4, order4, spare = np.empty((4, n + 4)), np.empty(4, np.int64), spare_space(n)
     for i in range(q.shape[0]):
         scaled_set(q[i], half, middle, hover[i], scale, a, y)
-        ranks[i] = _posture(a, y, margin, normal, work)
-        margins[i, :3], normals[i, :3] = margin, normal
-        a4[:] = a[2:]
-        _posture(a4, y[2:], margin, normal, narrow)
-        margins[i, 3], normals[i, 3] = margin[0], normal[0]
+        ranks[i] = _six(a, y, margin, normal, squared, table, order, ins, out, spare)
+        for k in range(3):
+            margins[i, k] = margin[k]
+            for c in range(6):
+                normals[i, k, c] = normal[k, c]
+        for c in range(4):
+            for j in range(n):
+                a4[c, j] = a[2 + c, j]
+        # σ_4 of four of its rows is no less than σ_6 of all, nor σ_1 more
+        _four(a4, y[2:], ranks[i] == 6, margin, normal, squared, table4, order4, spare)
+        margins[i, 3] = margin[0]
+        for c in range(6):
+            normals[i, 3, c] = normal[0, c]
 
 
 @jit
@@ -245,10 +272,10 @@ def along(q, half, middle, hover, scale, u):
             return np.nan
     r = basis.shape[1]
     if r > 0:
-        rows, stack, sizes, squared = work_space(n)[:4]
+        rows, stack, sizes, _ = spare_space(n)
         _fill(rows, a, y, basis)
         for i in range(r):
             for c in range(6):
                 rows[i, n + 1] += basis[c, i] * u[c]
-        tree(rows, r, n, stack, sizes, squared, np.zeros((3, 6)), span, True)
+        tree(rows, r, n, stack, sizes, np.zeros(3), np.zeros((3, 6)), span, True)
     return span[1] if span[1] >= span[0] - OFF * (1.0 + abs(span[0])) else np.nan
