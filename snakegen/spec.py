@@ -112,6 +112,12 @@ class Control(Part):
     attitude_rate: Positive = Field(200.0, description="Hz")
     position_rate: Positive = Field(40.0, description="Hz")
     sigma_min: NonNegative = Field(0.02, description="least scaled σ_min(J_w) that is flown")
+    vibration_damping: NonNegative = Field(
+        0.0, description="N s/m, of internal forces that damp what bends; 0: off (ZN23 section 6)"
+    )
+    vibration_bandwidth: Positive = Field(
+        5.0, description="Hz, up to which elastic modes are damped (assumed: motors lag beyond)"
+    )
     gains: str = Field("paper", description="the gain set used unless asked otherwise")
     gain_sets: dict[str, GainSet] = Field({"paper": GainSet()}, description="gains by name")
 

@@ -10,7 +10,16 @@ import numpy as np
 from snakegen.kernels.air import air_forces, push
 from snakegen.kernels.control_tick import control_tick
 from snakegen.kernels.control_types import Law, Measured, State, Target
-from snakegen.kernels.flight_types import Memory, Plant, References, Rows, Simulator, Wiring
+from snakegen.kernels.damping import damped
+from snakegen.kernels.flight_types import (
+    Damper,
+    Memory,
+    Plant,
+    References,
+    Rows,
+    Simulator,
+    Wiring,
+)
 from snakegen.kernels.foreign import call_two_pointers
 from snakegen.kernels.history import rotation_of_quaternion
 from snakegen.kernels.jit import jit
@@ -39,14 +48,23 @@ def thrusts_into(sim: Simulator, wires: Wiring, out: Floats) -> None:
 
 @jit
 def sense(
-    sim: Simulator, wires: Wiring, plan: References, plant: Plant, memory: Memory, k: int
-) -> Measured:
-    """Returns what the controller learns at tick k: noisy, held between samples, late."""
+    sim: Simulator,
+    wires: Wiring,
+    damper: Damper,
+    plan: References,
+    plant: Plant,
+    memory: Memory,
+    k: int,
+) -> tuple[Measured, Floats]:
+    """Returns what the controller learns at tick k: noisy, held between samples, late.
+
+    Besides, the rates (e,) of the damped hinges beyond what is asked of their servos.
+    """
     if k % plant.hold == 0:
         for i in range(3):
             memory.seen[i] = sim.qpos[i] + plan.position_noise[k, i]
             memory.seen[3 + i] = sim.qvel[i] + plan.velocity_noise[k, i]
-    n = wires.qpos.shape[0]
+    n, dt = wires.qpos.shape[0], plant.substeps * plant.timestep
     row = memory.ring[k % memory.ring.shape[0]]
     rotation, rate = np.empty((3, 3)), np.empty(3)
     matmul_into(memory.imu[:9].reshape(3, 3), plan.attitude_noise[k], rotation)
@@ -58,15 +76,21 @@ def sense(
     for i in range(n):
         row[18 + i] = sim.qpos[wires.qpos[i]] + plan.angle_noise[i]
         row[18 + n + i] = sim.qvel[wires.qvel[i]]
+    for e in range(damper.rate.shape[0]):
+        asked, servo = 0.0, damper.servo[e]
+        if servo >= 0 and k > 0:
+            asked = (plan.joints[k, servo] - plan.joints[k - 1, servo]) / dt
+        row[18 + 2 * n + e] = sim.qvel[damper.rate[e]] + plan.hinge_noise[k, e] - asked
     late = memory.ring[max(k - plant.delay, 0) % memory.ring.shape[0]]
-    return Measured(
+    measured = Measured(
         late[:9].reshape(3, 3),
         late[9:12],
         late[12:15],
         late[15:18],
         late[18 : 18 + n],
-        late[18 + n :],
+        late[18 + n : 18 + 2 * n],
     )
+    return measured, late[18 + 2 * n :]
 
 
 @jit
@@ -184,6 +208,7 @@ def fly_ticks(
     gimbals: Gimbals,
     law: Law,
     length: float,
+    damper: Damper,
     sim: Simulator,
     wires: Wiring,
     plan: References,
@@ -202,7 +227,7 @@ def fly_ticks(
         rows.act[k], rows.force[k] = sim.act, sim.force
         rows.contact[k] = sim.touch.sum()
         rows.used[k] = memory.used[0]
-        measured = sense(sim, wires, plan, plant, memory, k)
+        measured, hinges = sense(sim, wires, damper, plan, plant, memory, k)
         target = Target(
             plan.position[k],
             plan.velocity[k],
@@ -216,7 +241,22 @@ def fly_ticks(
         )
         rows.wanted[k], rows.given[k] = command.wanted, command.given
         rows.sigma[k], rows.status[k] = command.sigma_min, command.status
-        act(sim, wires, plan, plant, memory, command.thrust, command.gimbals, k, rows.command[k])
+        asked, turns = command.thrust, command.gimbals
+        if hinges.shape[0] > 0:
+            asked, turns = damped(
+                tree,
+                rotors,
+                gimbals,
+                law,
+                length,
+                damper,
+                measured,
+                damper.modes @ hinges,
+                plan.rotation[k],
+                state.blend,
+                command,
+            )
+        act(sim, wires, plan, plant, memory, asked, turns, k, rows.command[k])
         thrusts_into(sim, wires, thrust)
         world_forces(sim, wires, plan, plant, memory, thrust, k)
         for i in range(plant.substeps):

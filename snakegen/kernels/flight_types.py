@@ -46,6 +46,19 @@ class Wiring(NamedTuple):
     station_area: Floats  # (s,) m², seen from the side
 
 
+class Damper(NamedTuple):
+    """The hinges that are damped, and how hard; no hinges: it is off."""
+
+    gain: float  # c, N s/m
+    body: Ints  # (e,) body of the believed tree in which a hinge stands
+    anchor: Floats  # (e, 3) m, in that body's axes
+    axis: Floats  # (e, 3) unit
+    beyond: Ints  # (e, Ñ) 1 where an apparatus stands beyond the hinge
+    rate: Ints  # (e,) address of its rate in the simulator's velocities
+    servo: Ints  # (e,) its servo among those that shape the body, -1 for a spring
+    modes: Floats  # (e, e) from rates to their part in the modes that are damped
+
+
 class References(NamedTuple):
     """What is asked for at each of T ticks, and what the world does meanwhile."""
 
@@ -64,6 +77,7 @@ class References(NamedTuple):
     velocity_noise: Floats  # (T, 3) m/s
     gyro_noise: Floats  # (T, 3) rad/s
     angle_noise: Floats  # (n-1,) rad, constant in a run
+    hinge_noise: Floats  # (T, e) rad/s, of the damped hinges' rates
 
 
 class Plant(NamedTuple):
@@ -96,7 +110,7 @@ class Memory(NamedTuple):
     joints: Floats  # (k,) rad, now commanded
     imu: Floats  # (12,) last attitude (row-major) and angular rate (body axes)
     seen: Floats  # (6,) last position sample and velocity
-    ring: Floats  # (delay + 1, 18 + 2(n-1)) measurements on their way to the controller
+    ring: Floats  # (delay + 1, 18 + 2(n-1) + e) measurements on their way to the controller
     momentum: Floats  # (r,) N m s, of each rotor about its axis
     steady: Floats  # (nbody, 6) forces held during a tick
     used: Floats  # (1,) share of the battery

@@ -65,13 +65,16 @@ def add_springs(
     """
     for key in list(spec.keys):  # their configurations lack the springs
         spec.delete(key)
-    for name in links:
-        body = spec.body(tip_name(name))
-        for way, axis in _AXES.items():
-            joint = body.add_joint(
-                name=f"{name}_bend_{way}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis
-            )
+    for link in links:
+        body = spec.body(tip_name(link))
+        for name, axis in bend_axes(link).items():
+            joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
             joint.stiffness[0], joint.damping[0] = stiffness, damping * stiffness
+
+
+def bend_axes(link: str) -> dict[str, Floats]:
+    """Returns the axes (3,) about which an elastic link bends, by the names of their joints."""
+    return {f"{link}_bend_{way}": np.array(axis) for way, axis in _AXES.items()}
 
 
 def modal_frequencies(model: mujoco.MjModel, qpos: Floats) -> Floats:
@@ -80,6 +83,17 @@ def modal_frequencies(model: mujoco.MjModel, qpos: Floats) -> Floats:
     From ``K v = ω² M v``: K holds the springs' and the position servos' stiffness; the rigid
     motions of a free base are left out.
     """
+    return elastic_modes(model, qpos, np.arange(model.nv))[0]
+
+
+def elastic_modes(model: mujoco.MjModel, qpos: Floats, dofs: Any) -> tuple[Floats, Floats]:
+    """Returns natural frequencies (m,) [Hz], rising, and shapes (e, m), ``φᵀ M φ = 1``.
+
+    Args:
+        model: of a robot on a free or fixed base.
+        qpos: where it is at rest.
+        dofs: (e,) degrees of freedom that may move beside those of a free base; others are held.
+    """
     from scipy.linalg import eigh
 
     data = mujoco.MjData(model)
@@ -87,6 +101,16 @@ def modal_frequencies(model: mujoco.MjModel, qpos: Floats) -> Floats:
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
+    spring, base = stiffnesses(model), np.arange(model.nv)
+    free = np.flatnonzero(np.isin(base, dofs) | (spring == 0.0))
+    squares, shapes = eigh(np.diag(spring[free]), mass[np.ix_(free, free)])
+    kept = slice(int(np.sum(spring[free] == 0.0)), None)
+    rows = np.searchsorted(free, dofs)
+    return np.sqrt(np.maximum(squares[kept], 0.0)) / (2.0 * np.pi), shapes[rows, kept]
+
+
+def stiffnesses(model: mujoco.MjModel) -> Floats:
+    """Returns the stiffness (nv,) [N m/rad] of each degree of freedom: spring and servo."""
     spring = np.zeros(model.nv)
     for j in range(model.njnt):
         if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE:
@@ -95,9 +119,7 @@ def modal_frequencies(model: mujoco.MjModel, qpos: Floats) -> Floats:
         if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT:
             dof = model.jnt_dofadr[model.actuator_trnid[i, 0]]
             spring[dof] += -model.actuator_biasprm[i, 1]
-    squares = eigh(np.diag(spring), mass, eigvals_only=True)
-    kept = squares[int(np.sum(spring == 0.0)) :]
-    return np.sqrt(np.maximum(kept, 0.0)) / (2.0 * np.pi)
+    return spring
 
 
 def _split_inertia(link: ET.Element, tip: ET.Element, half: float) -> None:

@@ -20,6 +20,7 @@ from snakegen.verify import wiring
 from snakegen.verify.interrupt import noted
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Draw, Imperfections
+from snakegen.verify.vibration import OFF, Damping, damper, modal_filter
 from snakegen.verify.world import World
 
 STRETCH = 0.25  # s of flight between two looks at the rest of the world
@@ -67,6 +68,7 @@ def fly(
     imperfections: Imperfections,
     *,
     position_rate: float = 40.0,
+    damping: Damping = OFF,
     progress: Callable[[int], Any] | None = None,
 ) -> Flown:
     """Runs `plan` in MuJoCo; an interruption keeps what was flown so far.
@@ -81,11 +83,12 @@ def fly(
         noise: drawn for this run.
         imperfections: of the plant.
         position_rate: Hz.
+        damping: of vibration by internal forces; `noise` has the noise of its sensors.
         progress: called with the tick, four times a second of flight.
     """
     ticks = len(plan.time)
     dt = float(plan.time[1] - plan.time[0]) if ticks > 1 else 0.005
-    run = _Run(world, plan, controller, noise, imperfections, dt, position_rate)
+    run = _Run(world, plan, controller, noise, imperfections, dt, position_rate, damping)
     events: list[tuple[float, str, str]] = [(t, "INFO", text) for t, text in plan.events]
     stopped, k = "", 0
     try:
@@ -119,6 +122,7 @@ class _Run:
         imperfections: Imperfections,
         dt: float,
         position_rate: float,
+        damping: Damping,
     ) -> None:
         self.world, self.plan, self.controller = world, plan, controller
         self.data = data = mujoco.MjData(world.model)
@@ -131,10 +135,13 @@ class _Run:
         mujoco.mj_forward(world.model, data)
         self.frame = _frame(world, controller, data)
         self.state = controller.start(gimbals)
+        self.damper, self.modes = damper(world, controller, damping, data.qpos)
         self.plant = wiring.plant(world, plan, imperfections, dt, position_rate)
         self.wires = wiring.wiring(world, plan)
         self.references = wiring.references(plan, noise, self.frame, controller.mode)
-        self.memory = wiring.memory(world, gimbals, plan.joints[0], self.plant.delay)
+        self.memory = wiring.memory(
+            world, gimbals, plan.joints[0], self.plant.delay, len(self.damper.rate)
+        )
         self.sim = wiring.simulator(world, data)
         self.rows = wiring.rows(world.model, len(plan.time))
         if not plan.on_floor:
@@ -178,6 +185,9 @@ class _Run:
                 self.controller = self.controller.without(failure.rotors)
             elif first < known < last:
                 last = known
+        if self.modes:  # they change with the posture
+            matrix = modal_filter(self.world, self.data.qpos, self.modes)
+            self.damper = self.damper._replace(modes=matrix)
         c = self.controller
         state, k, end = fly_ticks(
             c.tree,
@@ -185,6 +195,7 @@ class _Run:
             c.gimbals,
             c.law,
             c.length,
+            self.damper,
             self.sim,
             self.wires,
             self.references,

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from snakegen.errors import LogError
 from snakegen.verify.drive_metrics import drive_metrics
 from snakegen.verify.recording import Recording
+from snakegen.verify.vibration_metrics import vibration_metrics
 
 Floats = NDArray[np.float64]
 
@@ -43,7 +44,8 @@ def metrics(recording: Recording) -> dict[str, Any]:
     """
     start, end = _window(recording)
     out: dict[str, Any] = {"duration_s": float(end - start), "finite": _all_finite(recording)}
-    for part in (_tracking, _thrusts, _torques, _clearances, _minima, _energy, drive_metrics):
+    flight = (_tracking, _thrusts, _torques, _clearances, _minima, _energy)
+    for part in (*flight, vibration_metrics, drive_metrics):
         out.update(part(recording, start, end))
     out.update(_of_mission(recording))
     return {key: _plain(value) for key, value in out.items()}

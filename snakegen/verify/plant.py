@@ -4,6 +4,7 @@ Every value comes from the spec's `plant` section; all random numbers of a run a
 starts, from one generator, so that the same seed gives the same run.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -72,6 +73,7 @@ class Draw:
         position, velocity, gyro: (T, 3) additive, m, m/s (world), rad/s (body).
         angles: (n-1,) rad, additive; constant in a run: an encoder's error does not dither.
         wind: (T, 3) m/s, world.
+        hinges: (T, e) rad/s, additive, of the rates of damped hinges.
     """
 
     thrust_factor: Floats
@@ -81,6 +83,7 @@ class Draw:
     gyro: Floats
     angles: Floats
     wind: Floats
+    hinges: Floats
 
 
 def draw(
@@ -91,8 +94,13 @@ def draw(
     joints: int,
     *,
     rate: float = 200.0,
+    hinges: Sequence[float] = (),
 ) -> Draw:
-    """Draws the noise of one run of `ticks` at `rate` Hz."""
+    """Draws the noise of one run of `ticks` at `rate` Hz.
+
+    `hinges` are shares of the gyro's noise that the rate of each damped hinge has: √2 where two
+    links' gyros tell it, 0 where an encoder does.
+    """
     from snakegen.verify.wind import dryden, steady
 
     factor = what.thrust_scale * (1.0 + what.thrust_mismatch * rng.standard_normal(rotors))
@@ -107,9 +115,10 @@ def draw(
         wind = wind + dryden(
             ticks, rate, rng, what.turbulence, what.wind_speed, what.wind_direction
         )
-    return Draw(
-        np.clip(factor, 0.5, 1.5), small_rotations(tilt), position, velocity, gyro, angles, wind
-    )
+    share = np.asarray(hinges, float)
+    bends = what.gyro_noise * share * rng.standard_normal((ticks, len(share)))
+    turned = small_rotations(tilt)
+    return Draw(np.clip(factor, 0.5, 1.5), turned, position, velocity, gyro, angles, wind, bends)
 
 
 def small_rotations(vectors: Floats) -> Floats:

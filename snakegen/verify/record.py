@@ -17,6 +17,7 @@ from snakegen.verify.plan import Plan
 from snakegen.verify.plant import AIR, FIGURE_OF_MERIT
 from snakegen.verify.recording import Channel, Event, Recording, channel
 from snakegen.verify.rotor_signals import power, roll_moments, thrusts
+from snakegen.verify.vibration import bends, elastic_channels
 from snakegen.verify.world import World
 
 SLOW = 0.1  # s, between two rows of what is worked out from the posture
@@ -72,6 +73,10 @@ def record(
         channels["disturbance"] = channel("disturbance", plan.disturbance[:n])
         point = motion[0] if plan.disturbance_at_cog else _link_place(world, plan, flown)
         channels["disturbance_point"] = channel("disturbance_point", point)
+    if meta.get("vibration_damping") or "pluck" in plan.facts or bends(world):
+        dt = float(time[1] - time[0]) if n > 1 else 1.0
+        asked = flown.command[:, world.servos]
+        channels |= elastic_channels(world, flown.qpos, flown.qvel, asked, dt)
     channels |= _slow(world, controller.mode if margins else None, plan, flown, q)
     events = tuple(Event(*e) for e in flown.events)
     return Recording(time, channels, events, _meta(robot, world, meta))

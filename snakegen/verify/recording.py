@@ -69,6 +69,10 @@ STANDARD: dict[str, Standard] = {
     "roll_moment": Standard(
         "N·m", "roll moment", "moment of unequal rotors about each φ axis (ZN23: λ1 − λ2)"
     ),
+    "elastic_angle": Standard(
+        "rad", "elastic angles", "deflection of every spring and every joint servo"
+    ),
+    "modal_energy": Standard("J", "modal energy", "of the lowest elastic modes, gimbals held"),
     "battery_used": Standard("1", "battery", "share of the battery's energy used"),
     "wind": Standard("m/s", "wind", "velocity of the air, world axes", _XYZ),
     "power": Standard("W", "power", "electric power"),

@@ -22,6 +22,7 @@ from snakegen.verify.postures import driven_joints, place
 from snakegen.verify.record import record
 from snakegen.verify.recording import Recording
 from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
+from snakegen.verify.vibration import OFF, Damping, check_redundancy, hinges
 from snakegen.verify.world import World, make_world
 
 
@@ -68,6 +69,7 @@ class Ready:
         robot, plan, controller, imperfections: what flies, where, how.
         position_rate: Hz.
         meta: of its recordings.
+        damping: of vibration by internal forces.
     """
 
     robot: Robot
@@ -76,6 +78,7 @@ class Ready:
     imperfections: Imperfections
     position_rate: float
     meta: dict[str, Any]
+    damping: Damping = OFF
 
     def world(self) -> World:
         """Returns the nominal world of its flights."""
@@ -110,7 +113,8 @@ class Ready:
         plan, count = self.plan, len(self.plan.time)
         rate = 1.0 / float(plan.time[1] - plan.time[0]) if count > 1 else 200.0
         sizes = (count, len(world.rotors), len(self.robot.joint_names))
-        noise = draw(imperfections, rng, *sizes, rate=rate)
+        shares = hinges(world).noise if self.damping.gain > 0 else []
+        noise = draw(imperfections, rng, *sizes, rate=rate, hinges=shares)
         flown = fly(
             world,
             plan,
@@ -118,6 +122,7 @@ class Ready:
             noise,
             imperfections,
             position_rate=self.position_rate,
+            damping=self.damping,
             progress=None if progress is None else lambda k: progress(k, count),
         )
         window = plan.window or (0.0, float(plan.time[-1]))
@@ -161,6 +166,9 @@ def prepare(
     plan: Plan = module.plan(robot, rate, **given)
     check_references(robot, plan)
     check_start(robot, controller, plan, force=bool(given.get("force")))
+    damping = Damping.of(control)
+    if damping.gain > 0.0:
+        check_redundancy(controller, robot.name)
     imperfections = Imperfections.of(robot.modules.plant)
     modes = ("dual_rotor", "virtual_single_rotor")
     meta = {
@@ -170,6 +178,7 @@ def prepare(
         "gains": gains or str(control.get("gains", "")),
         "allocator": allocator,
         "ideal": ideal,
+        "vibration_damping": damping.gain,
         "planned_s": float(plan.time[-1]),
         "facts": plan.facts,
         "obstacles": [vars(b) for b in plan.obstacles],
@@ -181,6 +190,7 @@ def prepare(
         imperfections.ideal() if ideal else imperfections,
         float(control.get("position_rate", 40.0)),
         meta,
+        damping,
     )
 
 

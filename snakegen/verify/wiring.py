@@ -140,6 +140,7 @@ def references(plan: Plan, noise: Draw, frame: Floats, mode: int) -> References:
         noise.velocity,
         noise.gyro,
         noise.angles,
+        noise.hinges,
     )
 
 
@@ -186,15 +187,15 @@ def speed_limits(world: World, joints: np.ndarray) -> Floats:
     return np.where(limit > 0.0, limit, np.inf)
 
 
-def memory(world: World, gimbals: Floats, joints: Floats, delay: int) -> Memory:
-    """Returns the loop's memory before the first tick."""
+def memory(world: World, gimbals: Floats, joints: Floats, delay: int, hinges: int = 0) -> Memory:
+    """Returns the loop's memory before the first tick, `hinges` of them damped."""
     n, rotors = len(world.qpos), len(world.rotors)
     return Memory(
         np.array(gimbals, float),
         np.array(joints, float),
         np.zeros(12),
         np.zeros(6),
-        np.zeros((delay + 1, 18 + 2 * n)),
+        np.zeros((delay + 1, 18 + 2 * n + hinges)),
         np.zeros(rotors),
         np.zeros((world.model.nbody, 6)),
         np.zeros(1),
