@@ -1,8 +1,7 @@
-"""Facets of full-rank zonotopes of common sizes: 8 columns in 6-D, any number in 4-D.
+"""Facets of a zonotope of 8 columns and full rank in 6-D, by its Gale dual.
 
-In 6-D the Gale dual makes facets cheap: each is a triple of rows of the null space, an (8, 2)
-matrix. In 4-D a facet's normal is the generalised cross product of three columns. Both give up
-where a triple is nearly dependent and would lose digits; then the tree of `facets` takes over.
+A facet is a triple of rows of the null space, an (8, 2) matrix. Where a triple is nearly
+dependent and would lose digits this gives up; then the tree of `facets` takes over.
 """
 
 import numpy as np
@@ -186,70 +185,3 @@ def _normal6(ins, m, out):
         z_i, z_j, z_k = -z_i, -z_j, -z_k
     for c in range(6):
         out[c] = z_i * ins[16 * c + i] + z_j * ins[16 * c + j] + z_k * ins[16 * c + k]
-
-
-@jit(fastmath=FAST)
-def _pair(a, i, j):
-    """Returns the six 2×2 minors of columns i, j of `a` (4, …)."""
-    return (
-        a[0, i] * a[1, j] - a[1, i] * a[0, j],
-        a[0, i] * a[2, j] - a[2, i] * a[0, j],
-        a[0, i] * a[3, j] - a[3, i] * a[0, j],
-        a[1, i] * a[2, j] - a[2, i] * a[1, j],
-        a[1, i] * a[3, j] - a[3, i] * a[1, j],
-        a[2, i] * a[3, j] - a[3, i] * a[2, j],
-    )
-
-
-@jit(fastmath=FAST)
-def _cross4(m, a, k):
-    """Returns the generalised cross product of the pair with minors m and column k of `a`."""
-    x, y, z, w = a[0, k], a[1, k], a[2, k], a[3, k]
-    return (
-        m[3] * w - m[4] * z + m[5] * y,
-        m[2] * z - m[1] * w - m[5] * x,
-        m[0] * w - m[2] * y + m[4] * x,
-        m[1] * y - m[0] * z - m[3] * x,
-    )
-
-
-@jit(fastmath=FAST)
-def _width(a, d):
-    """Returns ``Σ |d·a_l|`` over the columns of `a` (4, n)."""
-    total = 0.0
-    for l in range(a.shape[1]):
-        total += abs(d[0] * a[0, l] + d[1] * a[1, l] + d[2] * a[2, l] + d[3] * a[3, l])
-    return total
-
-
-@jit(fastmath=FAST)
-def four(a, y, squared, normals, sizes):
-    """Facets of a full set `a` (4, n), wrench margin alone; returns as `gale` does."""
-    n, least = a.shape[1], np.inf
-    for k in range(n):
-        sizes[k] = np.sqrt(a[0, k] ** 2 + a[1, k] ** 2 + a[2, k] ** 2 + a[3, k] ** 2)
-    for i in range(n):
-        for j in range(i + 1, n):
-            minors = _pair(a, i, j)
-            for k in range(j + 1, n):
-                d = _cross4(minors, a, k)
-                both = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + d[3] * d[3]
-                whole = (GREY * sizes[i] * sizes[j] * sizes[k]) ** 2
-                if both < whole:
-                    if both < 1e-12 * whole:
-                        continue
-                    return -1
-                height = _width(a, d)
-                along = d[0] * y[0] + d[1] * y[1] + d[2] * y[2] + d[3] * y[3]
-                slack = 0.5 * height - abs(along)
-                if slack < INSIDE * height:
-                    if slack < -INSIDE * height:
-                        return 0
-                    slack = 0.0
-                if slack * slack < FIRST * least * both:
-                    least = slack * slack / both
-                    sign = -1.0 if along < 0.0 else 1.0
-                    for c in range(4):
-                        normals[0, 2 + c] = sign * d[c]
-    squared[0] = least
-    return 1

@@ -10,7 +10,7 @@ from snakegen.kernels.gale import invert_basis
 from snakegen.kernels.jit import jit
 from snakegen.kernels.sandwich import radius, work_space
 from snakegen.kernels.shoot import slack
-from snakegen.kernels.zonotope import OFF, RANK_TOLERANCE, lost_direction, subspace
+from snakegen.kernels.subspace import OFF, RANK_TOLERANCE, lost_direction, subspace
 
 SAFE = 1e-11  # squared: a bound of σ_6/σ_1 above 3e-6 spares the exact test
 

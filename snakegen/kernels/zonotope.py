@@ -7,53 +7,13 @@ its own subspace, a hover outside it by `nearest`. Definitions: THEORY A4.
 import numpy as np
 
 from snakegen.kernels.facets import tree
-from snakegen.kernels.gale import four, gale, invert_basis
+from snakegen.kernels.facets4 import four, four_within
+from snakegen.kernels.gale import gale, invert_basis
 from snakegen.kernels.jit import jit
 from snakegen.kernels.nearest import nearest
+from snakegen.kernels.subspace import OFF, RANK_TOLERANCE, lost_direction, subspace
 
-RANK_TOLERANCE = 1e-6  # of σ_1, THEORY A3
 THIN = 1e-9  # of σ_1: a ray sees a set this thin as it is, though its rank counts as less
-OFF = 1e-9  # how far from its own subspace rounding can put a point of it, scaled
-
-
-@jit
-def subspace(a, tolerance):
-    """Returns (range, lost): orthonormal columns spanning `a` (d, n), and their complement."""
-    d, n = a.shape
-    padded = np.zeros((d, max(n, d)))
-    padded[:, :n] = a
-    u, s, _ = np.linalg.svd(padded)
-    r = 0
-    while r < d and s[r] > tolerance * s[0] and s[r] > 0.0:
-        r += 1
-    return np.ascontiguousarray(u[:, :r]), np.ascontiguousarray(u[:, r:])
-
-
-@jit
-def lost_direction(lost, first, last, out):
-    """Writes to `out` (6,) the lost direction that is nearest to one of the axes first…last-1.
-
-    `lost` (d, k) has orthonormal columns. An axis' projection on their span does not depend on
-    which basis of it the SVD chose. Returns its part along that axis, 0 where no direction is
-    lost along any of them: then a slice along these axes keeps all its dimensions.
-    """
-    d = lost.shape[0]
-    axis, largest = -1, 0.0
-    for c in range(first, last):
-        size = 0.0
-        for k in range(lost.shape[1]):
-            size += lost[c, k] ** 2
-        if size > largest * (1.0 + OFF):
-            axis, largest = c, size
-    if axis < 0:
-        return 0.0
-    tilt = np.sqrt(largest)
-    for c in range(d):
-        part = 0.0
-        for k in range(lost.shape[1]):
-            part += lost[c, k] * lost[axis, k]
-        out[6 - d + c] = part / tilt
-    return tilt
 
 
 @jit
@@ -121,7 +81,12 @@ def _within(a, y, margin, normals, squared, spare):
             return r
     if r > 0:
         _fill(rows, a, y, basis)
-        if not tree(rows, r, n, stack, sizes, squared, normals, span, False):
+        state = four_within(rows, n, squared, normals, sizes) if r == 4 and n > 3 else -1
+        if state < 0:
+            squared[:] = np.inf
+            state = int(tree(rows, r, n, stack, sizes, squared, normals, span, False))
+        if state == 0:
+            normals[:] = 0.0
             _outside(a, y, margin, normals)
             return r
     margin[0], margin[1], margin[2] = np.sqrt(squared[0]), np.sqrt(squared[1]), np.sqrt(squared[2])
