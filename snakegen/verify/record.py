@@ -8,11 +8,11 @@ from snakegen import __version__
 from snakegen.control.controller import Controller
 from snakegen.geometry import Floats
 from snakegen.kernels.chain import forward
-from snakegen.kernels.control_types import VIRTUAL
 from snakegen.kernels.history import cog_history, quaternions, rotations_of
 from snakegen.robot import Robot
 from snakegen.verify.clearance import clearances
 from snakegen.verify.loop import Flown, rotation_of
+from snakegen.verify.margins_along import margins_along, true_sigma_min
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import AIR, FIGURE_OF_MERIT
 from snakegen.verify.recording import Channel, Event, Recording, channel
@@ -62,7 +62,7 @@ def record(
         "joint_angle": channel("joint_angle", flown.qpos[:, world.qpos[joints]], names.joints),
         "joint_command": channel("joint_command", flown.command[:, world.servos], names.joints),
         "joint_torque": channel("joint_torque", flown.force[:, world.servos], names.joints),
-        "sigma_min": channel("sigma_min", flown.sigma_min),
+        "sigma_min": channel("sigma_min", _sigma_min(world, plan, controller, flown)),
         "floor_contact": channel("floor_contact", flown.contact),
         "power": channel("power", power(robot, thrust)),
         "roll_moment": channel(
@@ -77,7 +77,7 @@ def record(
         dt = float(time[1] - time[0]) if n > 1 else 1.0
         asked = flown.command[:, world.servos]
         channels |= elastic_channels(world, flown.qpos, flown.qvel, asked, dt)
-    channels |= _slow(world, controller.mode if margins else None, plan, flown, q)
+    channels |= _slow(world, controller if margins else None, plan, flown, q)
     events = tuple(Event(*e) for e in flown.events)
     return Recording(time, channels, events, _meta(robot, world, meta))
 
@@ -132,15 +132,32 @@ def _link_place(world: World, plan: Plan, flown: Flown) -> Floats:
     return out
 
 
+def _sigma_min(world: World, plan: Plan, controller: Controller, flown: Flown) -> Floats:
+    """Returns the controller's σ_min (T,), less the rotors that it does not know to be lost."""
+    if not plan.failures:
+        return flown.sigma_min
+    command = flown.command[:, np.maximum(world.gimbals, 0)]
+    states = (
+        rotations_of(np.ascontiguousarray(flown.qpos[:, 3:7])),
+        flown.qpos[:, :3],
+        flown.qpos[:, world.qpos],
+    )
+    gimbals = np.where(world.gimbals >= 0, command, 0.0)
+    thrust = flown.command[:, world.rotors]
+    return true_sigma_min(controller, plan, flown.sigma_min, states, thrust, gimbals)
+
+
 def _slow(
-    world: World, mode: int | None, plan: Plan, flown: Flown, q: Floats
+    world: World, controller: Controller | None, plan: Plan, flown: Flown, q: Floats
 ) -> dict[str, Channel]:
-    """Returns margins of a mode (None: none) and clearances, ten times a second."""
+    """Returns margins of the modes flown (no controller: none) and clearances, at 10 Hz."""
     step = max(1, round(SLOW / (plan.time[1] - plan.time[0]))) if len(plan.time) > 1 else 1
     rows = np.arange(0, flown.ticks, step)
     time = plan.time[rows]
     out = {}
-    found = {} if mode is None else _margins(world.robot, mode, q[rows])
+    found = {}
+    if controller is not None:
+        found = margins_along(world.robot, controller, plan, rows, q[rows])
     for name, values in found.items():
         out[name] = channel(name, values, time=time)
     floor, own, obstacle = clearances(world, flown.qpos[rows])
@@ -153,28 +170,6 @@ def _slow(
     if np.all(np.isfinite(own)):
         out["self_distance"] = channel("self_distance", own, time=time)
     return out
-
-
-def _margins(robot: Robot, mode: int, q: Floats) -> dict[str, Floats]:
-    """Returns the margins of the flown mode at rows of q, gimbals as they are."""
-    from snakegen.analysis.allocation import allocation
-    from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
-
-    at = [allocation(robot, row) for row in q]
-    hover = np.array([a.hover_wrench for a in at])
-    scales: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
-    if mode == VIRTUAL:
-        points = np.array([a.thrust_points for a in at])
-        m: Any = vectored_margins(points, robot.gimbals.limit, hover, tolerance=1e-2, **scales)
-        return {
-            "wrench_margin": m.wrench,
-            "force_margin": m.force_bounds[:, 0],
-            "torque_margin": m.torque_bounds[:, 0],
-        }
-    rotors = robot.rotors
-    dual = np.array([a.dual for a in at])
-    m = thrust_margins(dual, rotors.thrust_min, rotors.thrust_max, hover, **scales)
-    return {"wrench_margin": m.attitude_altitude}
 
 
 def _meta(robot: Robot, world: World, meta: dict[str, Any]) -> dict[str, Any]:

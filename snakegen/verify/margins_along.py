@@ -1,0 +1,125 @@
+"""Margins and σ_min along a run, of the mode flown and the rotors that still turn at each instant.
+
+A rotor that stops is missing from its instant on, before the controller knows of it. A virtual
+single rotor needs both rotors of its apparatus: one lost takes the whole apparatus out.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from snakegen.control.controller import Controller
+from snakegen.control.frame import cog_frame
+from snakegen.geometry import Floats
+from snakegen.kernels.control_types import VIRTUAL
+from snakegen.kernels.fully_actuated import wrench_jacobian
+from snakegen.kernels.spd import least_singular_value
+from snakegen.kernels.underactuated import level_axes, rotor_map, truncated
+from snakegen.kernels.vectoring import joint_order
+from snakegen.robot import Robot
+from snakegen.verify.plan import Plan
+
+
+def lost_rotors(plan: Plan, time: float) -> tuple[int, ...]:
+    """Returns the rotors that have stopped by `time` [s]."""
+    gone = {r for f in plan.failures if f.time <= time + 1e-9 for r in f.rotors}
+    return tuple(sorted(gone))
+
+
+def margins_along(
+    robot: Robot, controller: Controller, plan: Plan, rows: Any, q: Floats
+) -> dict[str, Floats]:
+    """Returns margins (m,) at ticks `rows` of a plan with configurations q (m, nq).
+
+    Gimbals are taken as they are. Virtual single rotor: wrench, force [N] and torque [N m]
+    margins; dual rotor: the wrench margin of ``[f_z; τ]``, force and torque undefined (NaN).
+    """
+    modes = np.full(len(plan.time), controller.mode) if plan.mode is None else plan.mode
+    groups: dict[tuple[int, tuple[int, ...]], list[int]] = {}
+    for i, k in enumerate(rows):
+        key = int(modes[k]), lost_rotors(plan, float(plan.time[k]))
+        groups.setdefault(key, []).append(i)
+    out: dict[str, Floats] = {}
+    for (mode, lost), members in groups.items():
+        left = controller.without(lost) if lost else controller
+        for name, values in _margins(robot, left, mode, q[members]).items():
+            out.setdefault(name, np.full(len(q), np.nan))[members] = values
+    return out
+
+
+def _margins(robot: Robot, controller: Controller, mode: int, q: Floats) -> dict[str, Floats]:
+    """Returns the margins of a mode with a controller's limits at rows of q."""
+    from snakegen.analysis.allocation import allocation
+    from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
+
+    at = [allocation(robot, row) for row in q]
+    hover = np.array([a.hover_wrench for a in at])
+    scales: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    if mode == VIRTUAL:
+        points = np.array([a.thrust_points for a in at])
+        limit = controller.gimbals.limit
+        m: Any = vectored_margins(points, limit, hover, tolerance=1e-2, **scales)
+        return {
+            "wrench_margin": m.wrench,
+            "force_margin": m.force_bounds[:, 0],
+            "torque_margin": m.torque_bounds[:, 0],
+        }
+    rotors = controller.rotors
+    dual = np.array([a.dual for a in at])
+    m = thrust_margins(dual, rotors.thrust_min, rotors.thrust_max, hover, **scales)
+    return {"wrench_margin": m.attitude_altitude}
+
+
+def true_sigma_min(
+    controller: Controller,
+    plan: Plan,
+    told: Floats,
+    states: tuple[Floats, Floats, Floats],
+    thrust: Floats,
+    gimbals: Floats,
+) -> Floats:
+    """Returns σ_min (T,) without the rotors that have stopped and are not yet known to have.
+
+    Args:
+        controller: before any failure.
+        plan: with its failures.
+        told: (T,) of the controller, which still counts them.
+        states: base attitude (T, 3, 3) and position (T, 3), joint angles (T, n-1).
+        thrust: (T, r) N, asked of the rotors.
+        gimbals: (T, Ñ, 2) rad, asked.
+    """
+    out = np.array(told)
+    modes = np.full(len(plan.time), controller.mode) if plan.mode is None else plan.mode
+    for failure in plan.failures:
+        first, known = np.searchsorted(plan.time, [failure.time - 1e-9, failure.detected - 1e-9])
+        for k in range(int(first), min(int(known), len(told))):
+            left = controller.without(lost_rotors(plan, float(plan.time[k])))
+            at = states[2][k], states[0][k], states[1][k]
+            out[k] = sigma_min(left, int(modes[k]), at, plan.rotation[k], thrust[k], gimbals[k])
+    return out
+
+
+def sigma_min(
+    controller: Controller,
+    mode: int,
+    at: tuple[Floats, Floats, Floats],
+    target: Floats,
+    thrust: Floats,
+    gimbals: Floats,
+) -> float:
+    """Returns the scaled σ_min of J_w (virtual) or Q_trunc (dual) of what the controller has left.
+
+    `at` are joint angles, base attitude and position; other arguments as in `true_sigma_min`, of
+    one tick.
+    """
+    frame = cog_frame(controller, *at)
+    m, limit = frame.mounts, controller.gimbals.limit
+    angles = joint_order(m, np.array(gimbals))
+    if mode != VIRTUAL:
+        tilt = level_axes(np.array(target))
+        q = truncated(rotor_map(m, frame.rotors, angles), tilt)
+        return float(least_singular_value(q, frame.scale[2:], controller.rotors.thrust_max))
+    pushes = np.bincount(controller.rotors.apparatus, thrust, minlength=len(limit))
+    turns = (limit > 0.0).astype(float)
+    weight = np.concatenate([limit, turns, turns])
+    return float(least_singular_value(wrench_jacobian(m, pushes, angles), frame.scale, weight))
