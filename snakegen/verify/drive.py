@@ -139,18 +139,16 @@ def run_contact(
     ticks = round(plan.duration / PERIOD) + 1
     steps = max(1, round(PERIOD / model.opt.timestep))
     out.events = [(t, "INFO", text) for t, text in plan.events]
-    t, first = 0.0, plan.reference.at(0.0)[0][:2]
-    travelled, before = 0.0, first
+    t = 0.0
     try:
         for k in range(ticks):
-            t, w = k * PERIOD, drive.state()
+            t = k * PERIOD
+            if plan.lift is not None:
+                drive.hold(*plan.lift(t))
+            w = drive.state()
             desired, rate = plan.reference.at(t)
             u = law.command(noise.of(w), desired, rate)
             record.add(out, t, w, desired, u)
-            if plan.lift is not None:
-                travelled += float(np.hypot(*(desired[:2] - before)))
-                before = desired[:2]
-                drive.hold(plan.lift(travelled))
             drive.step(u, steps)
             # the body's speed: a wheel of a few grams may well spin fast
             if not float(np.abs(drive.data.qvel[:6]).max()) < _LOST:

@@ -38,7 +38,8 @@ class DrivePlan:
         duration: s.
         gain: K [1/s], one or (m + 2,).
         feedback: whether the state is fed back.
-        lift: pitch joint angles [rad] for the head's arc length [m] so far; None: all at 0.
+        lift: over time [s], pitch joint angles and what yaw joints turn beside the shape [rad];
+            None: all at 0.
         compliance: pitch servos are softer by this factor, so that every drum finds the ground.
         obstacles: boxes on, over and beside the ground.
         thresholds: of the verdict, over the defaults; None takes a check out.
@@ -51,7 +52,7 @@ class DrivePlan:
     duration: float
     gain: float | tuple[float, ...] = GAIN
     feedback: bool = True
-    lift: Callable[[float], Floats] | None = None
+    lift: Callable[[float], tuple[Floats, Floats]] | None = None
     compliance: float = 1.0
     obstacles: tuple[Box, ...] = ()
     thresholds: dict[str, dict[str, Any] | None] = field(default_factory=dict)

@@ -70,7 +70,7 @@ class ContactDrive:
         self.data.qpos[:2] = w[:2] - np.array([[c, -s], [s, c]]) @ offset[:2]
         self.data.qpos[3:7] = [math.cos(w[2] / 2), 0.0, 0.0, math.sin(w[2] / 2)]
         self.data.qpos[self.yaw_q] = w[3:]
-        self.targets = w[3:].copy()
+        self.targets, self.beside = w[3:].copy(), np.zeros(len(w) - 3)
         self.data.ctrl[self.yaw_servo] = self.targets
         mujoco.mj_forward(self.model, self.data)
         self.heading = float(w[2])
@@ -81,11 +81,16 @@ class ContactDrive:
         heading = math.atan2(R[3], R[0])
         self.heading += math.remainder(heading - self.heading, 2 * math.pi)
         x, y, _ = self.data.site_xpos[self.head]
-        return np.concatenate([[x, y, self.heading], self.data.qpos[self.yaw_q]])
+        return np.concatenate([[x, y, self.heading], self.data.qpos[self.yaw_q] - self.beside])
 
-    def hold(self, pitches: ArrayLike) -> None:
-        """Sets the targets of the joints `pitches` [rad]; they hold at 0 otherwise."""
+    def hold(self, pitches: ArrayLike, beside: ArrayLike = 0.0) -> None:
+        """Sets the targets of the joints `pitches` [rad]; they hold at 0 otherwise.
+
+        Where links are pitched, headings differ by other angles than the yaw joints': these turn
+        `beside` [rad] what the law asks for, and `state` leaves that out.
+        """
         self.data.ctrl[self.pitch_servo] = pitches
+        self.beside[:] = beside
 
     def soften(self, factor: float) -> None:
         """Makes the servos of the joints `pitches` softer by `factor`; their damping stays."""
@@ -100,7 +105,7 @@ class ContactDrive:
         ahead = self.lead * u[self.units :]
         for _ in range(steps):
             self.targets = self.targets + u[self.units :] * self.model.opt.timestep
-            self.data.ctrl[self.yaw_servo] = self.targets + ahead
+            self.data.ctrl[self.yaw_servo] = self.targets + self.beside + ahead
             mujoco.mj_step(self.model, self.data)
         mujoco.mj_kinematics(self.model, self.data)
 
