@@ -4,17 +4,14 @@ All results are in world axes. The CoG velocity contains the joint rates: ``c' =
 over every body, not the root's velocity alone (ZN23 eqs 1-3 and 15-16).
 """
 
+from math import cos, sin
+
 import numpy as np
 
 from snakegen.kernels.jit import jit
-from snakegen.kernels.linear import (
-    cross_into,
-    matmul_into,
-    rotation_into,
-    turn_back_into,
-    turn_into,
-)
+from snakegen.kernels.linear import cross_into, matmul_into, turn_back_into, turn_into
 from snakegen.kernels.tree import Floats, Tree
+from snakegen.kernels.triples import Three, read, turn
 
 
 @jit
@@ -26,23 +23,35 @@ def forward_into(
     rotation: Floats,
     position: Floats,
 ) -> None:
-    """Writes the pose of every body: `forward` without its allocation."""
-    mounted, joint, step = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    rotation[0], position[0] = base_rotation, base_position
-    for i in range(1, tree.parent.shape[0]):
-        above = tree.parent[i]
-        turn_into(rotation[above], tree.translation[i], step)
+    """Writes the pose of every body: `forward` without its allocation.
+
+    Row k of a body's attitude is row k of its mounting turned by Rodrigues' formula:
+    ``m exp([a] θ) = m cos θ + (m × a) sin θ + a (m·a)(1 - cos θ)``.
+    """
+    parent, prismatic, mounted = tree.parent, tree.prismatic, tree.rotation
+    offset, axis = tree.translation, tree.axis
+    for k in range(3):
+        position[0, k] = base_position[k]
+        for l in range(3):
+            rotation[0, k, l] = base_rotation[k, l]
+    for i in range(1, parent.shape[0]):
+        above, angle, slide = parent[i], angles[i - 1], 0.0
+        if prismatic[i]:
+            angle, slide = 0.0, angles[i - 1]
+        c, s = cos(angle), sin(angle)
+        x, y, z = axis[i, 0], axis[i, 1], axis[i, 2]
         for k in range(3):
-            position[i, k] = position[above, k] + step[k]
-        matmul_into(rotation[above], tree.rotation[i], mounted)
-        if tree.prismatic[i]:
-            turn_into(mounted, tree.axis[i], step)
-            for k in range(3):
-                position[i, k] += step[k] * angles[i - 1]
-            rotation[i] = mounted
-        else:
-            rotation_into(tree.axis[i], angles[i - 1], joint)
-            matmul_into(mounted, joint, rotation[i])
+            u, v, w = rotation[above, k, 0], rotation[above, k, 1], rotation[above, k, 2]
+            e = u * mounted[i, 0, 0] + v * mounted[i, 1, 0] + w * mounted[i, 2, 0]
+            f = u * mounted[i, 0, 1] + v * mounted[i, 1, 1] + w * mounted[i, 2, 1]
+            g = u * mounted[i, 0, 2] + v * mounted[i, 1, 2] + w * mounted[i, 2, 2]
+            along = e * x + f * y + g * z
+            step = u * offset[i, 0] + v * offset[i, 1] + w * offset[i, 2]
+            position[i, k] = position[above, k] + step + along * slide
+            along *= 1.0 - c
+            rotation[i, k, 0] = c * e + s * (f * z - g * y) + along * x
+            rotation[i, k, 1] = c * f + s * (g * x - e * z) + along * y
+            rotation[i, k, 2] = c * g + s * (e * y - f * x) + along * z
 
 
 @jit
@@ -67,18 +76,24 @@ def forward(
 
 
 @jit
+def weigh(tree: Tree, rotation: Floats, position: Floats) -> tuple[float, Three]:
+    """Returns the mass [kg] and the CoG [m, world] of bodies at the given poses."""
+    mass, com = tree.mass, tree.com
+    total, x, y, z = 0.0, 0.0, 0.0, 0.0
+    for i in range(mass.shape[0]):
+        arm = turn(rotation, i, read(com, i, 0))
+        total += mass[i]
+        x += mass[i] * (position[i, 0] + arm[0])
+        y += mass[i] * (position[i, 1] + arm[1])
+        z += mass[i] * (position[i, 2] + arm[2])
+    return total, (x / total, y / total, z / total)
+
+
+@jit
 def centre_of_gravity(tree: Tree, rotation: Floats, position: Floats) -> tuple[float, Floats]:
     """Returns the mass [kg] and the CoG (3,) [m, world] of bodies at the given poses."""
-    total, cog, arm = 0.0, np.zeros(3), np.empty(3)
-    for i in range(tree.mass.shape[0]):
-        m = tree.mass[i]
-        turn_into(rotation[i], tree.com[i], arm)
-        total += m
-        for k in range(3):
-            cog[k] += m * (position[i, k] + arm[k])
-    for k in range(3):
-        cog[k] /= total
-    return total, cog
+    total, centre = weigh(tree, rotation, position)
+    return total, np.array(centre)
 
 
 @jit

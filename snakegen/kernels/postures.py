@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from snakegen.kernels.chain import centre_of_gravity, forward_into
+from snakegen.kernels.chain import forward_into, weigh
 from snakegen.kernels.jit import jit
 from snakegen.kernels.tree import Floats, Gimbals, Ints, Rotors, Tree
+from snakegen.kernels.triples import Three, back, minus, plus, read, turn, write
 from snakegen.kernels.vectoring import mounts, point_thrust
-from snakegen.kernels.wrench_map import dual_map, rotor_frames, thrust_points
+from snakegen.kernels.wrench_map import dual_into
 
 
 @jit
@@ -47,52 +48,82 @@ def hover_postures(
     """
     n = tree.parent.shape[0]
     rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
-    angles, origin, up = np.empty(n - 1), np.zeros(3), np.empty(3)
-    last, lower, upper, found = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
-    for k in range(3):
-        up[k] = base[2, k]
+    angles, origin = np.zeros(n - 1), np.zeros(3)
+    forward_into(tree, base, origin, angles, rotation, position)
+    m, _ = mounts(tree, rotors, gimbals, rotation, position, origin, base)
     for s in range(samples.shape[0]):
         angles[:] = 0.0
         for k in range(joints.shape[0]):
             angles[joints[k]] = samples[s, k]
         forward_into(tree, base, origin, angles, rotation, position)
-        mass, cog = centre_of_gravity(tree, rotation, position)
-        m, _ = mounts(tree, rotors, gimbals, rotation, position, cog, base)
-        for j in range(gimbals.link_body.shape[0]):
-            first = min(gimbals.roll_body[j], gimbals.pitch_body[j])
-            second = max(gimbals.roll_body[j], gimbals.pitch_body[j])
-            if first < 0:
-                first, second = second, -1
-            lower[:], upper[:] = 0.0, 0.0
-            if first >= 0:
-                lower[0], upper[0] = low[first - 1], high[first - 1]
-            if second >= 0:
-                lower[1], upper[1] = low[second - 1], high[second - 1]
-            point_thrust(m, j, up, last, lower, upper, found)
-            if first >= 0:
-                angles[first - 1] = found[0]
-            if second >= 0:
-                angles[second - 1] = found[1]
+        _point_up(tree, gimbals, low, high, base, rotation, m, angles)
         forward_into(tree, base, origin, angles, rotation, position)
-        mass, cog = centre_of_gravity(tree, rotation, position)
-        places, axes = rotor_frames(rotors, rotation, position, cog, base)
-        dual[s] = dual_map(rotors, places, axes)
-        points[s] = thrust_points(gimbals, rotation, position, cog, base)
+        mass, cog = weigh(tree, rotation, position)
+        dual_into(rotors, rotation, position, cog, base, dual[s])
         for k in range(3):
-            hover[s, k] = mass * gravity * up[k]
+            hover[s, k] = mass * gravity * base[2, k]
             hover[s, 3 + k] = 0.0
-        for r in range(discs.shape[1]):
+        for j in range(gimbals.thrust_body.shape[0]):
+            at = _placed(gimbals.thrust_body[j], gimbals.thrust_point, j, rotation, position)
+            arm = minus(at, cog)
             for k in range(3):
-                discs[s, r, k] = cog[k]
-                for c in range(3):
-                    discs[s, r, k] += base[k, c] * places[r, c]
+                points[s, j, k] = base[0, k] * arm[0] + base[1, k] * arm[1] + base[2, k] * arm[2]
+        for r in range(discs.shape[1]):
+            at = _placed(rotors.body[r], rotors.position, r, rotation, position)
+            write(discs[s], r, 0, at)
         for i in range(bodies.shape[0]):
-            b = bodies[i]
             for e in range(2):
-                for k in range(3):
-                    spine[s, i, e, k] = position[b, k]
-                    for c in range(3):
-                        spine[s, i, e, k] += rotation[b, k, c] * ends[i, e, c]
+                write(spine[s, i], e, 0, _placed(bodies[i], ends[i], e, rotation, position))
+
+
+@jit
+def _placed(body: int, places: Floats, row: int, rotation: Floats, position: Floats) -> Three:
+    """Returns the world place [m] of a row of `places` (…, 3), given in the frame of `body`."""
+    return plus(read(position, body, 0), turn(rotation, body, read(places, row, 0)))
+
+
+@jit
+def _point_up(
+    tree: Tree,
+    gimbals: Gimbals,
+    low: Floats,
+    high: Floats,
+    base: Floats,
+    rotation: Floats,
+    m: Floats,
+    angles: Floats,
+) -> None:
+    """Sets the gimbals among `angles` so that every thrust points up; `rotation` without them.
+
+    `m` (Ñ, 10, 3) comes from `mounts` at any posture: of it only the attitude of what carries the
+    gimbal changes, and is brought up to date here.
+    """
+    up = np.array((base[2, 0], base[2, 1], base[2, 2]))
+    last, lower, upper, found = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    for j in range(m.shape[0]):
+        first = min(gimbals.roll_body[j], gimbals.pitch_body[j])
+        second = max(gimbals.roll_body[j], gimbals.pitch_body[j])
+        if second < 0:
+            continue
+        carrier = tree.parent[first] if first >= 0 else tree.parent[second]
+        for k in range(3):
+            x, y, z = 0.0, 0.0, 0.0
+            for a in range(3):
+                x += base[a, k] * rotation[carrier, a, 0]
+                y += base[a, k] * rotation[carrier, a, 1]
+                z += base[a, k] * rotation[carrier, a, 2]
+            if first >= 0:
+                row = back(tree.rotation, first, (x, y, z))
+                x, y, z = row
+            m[j, k, 0], m[j, k, 1], m[j, k, 2] = x, y, z
+        lower[:], upper[:] = 0.0, 0.0
+        if first >= 0:
+            lower[0], upper[0] = low[first - 1], high[first - 1]
+        lower[1], upper[1] = low[second - 1], high[second - 1]
+        point_thrust(m, j, up, last, lower, upper, found)
+        if first >= 0:
+            angles[first - 1] = found[0]
+        angles[second - 1] = found[1]
 
 
 @jit

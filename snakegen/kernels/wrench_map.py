@@ -11,6 +11,7 @@ from snakegen.kernels.chain import centre_of_gravity
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import cross_into, turn_back_into, turn_into
 from snakegen.kernels.tree import Floats, Gimbals, Rotors, Tree
+from snakegen.kernels.triples import Three, cross, minus, plus, read, times, turn
 
 
 @jit
@@ -57,6 +58,31 @@ def dual_map(rotors: Rotors, points: Floats, directions: Floats) -> Floats:
             q[k, r] = directions[r, k]
             q[3 + k, r] = moment[k] + rotors.torque_ratio[r] * directions[r, k]
     return q
+
+
+@jit
+def dual_into(
+    rotors: Rotors, rotation: Floats, position: Floats, cog: Three, axes: Floats, q: Floats
+) -> None:
+    """Writes the map (6, n) from rotor thrusts [N] to the wrench (eqs 7-10), straight from poses.
+
+    Args:
+        rotors: the robot's n rotors.
+        rotation, position: (n, 3, 3) and (n, 3) [m], poses of the bodies in the world.
+        cog: m, world.
+        axes: (3, 3) attitude of the CoG frame in the world.
+        q: (6, n), filled.
+    """
+    body, place, axis, ratio = rotors.body, rotors.position, rotors.axis, rotors.torque_ratio
+    for r in range(body.shape[0]):
+        b = body[r]
+        arm = minus(plus(read(position, b, 0), turn(rotation, b, read(place, r, 0))), cog)
+        push = turn(rotation, b, read(axis, r, 0))
+        moment = plus(cross(arm, push), times(push, ratio[r]))
+        for k in range(3):
+            x, y, z = axes[0, k], axes[1, k], axes[2, k]
+            q[k, r] = x * push[0] + y * push[1] + z * push[2]
+            q[3 + k, r] = x * moment[0] + y * moment[1] + z * moment[2]
 
 
 @jit
