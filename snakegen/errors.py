@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+SHOWN = 40  # names in a list of what is known
+
 
 class SnakegenError(Exception):
     """Base of every error that a user can mend; the message says what, where and what works."""
@@ -40,5 +42,5 @@ def near(name: str, known: Iterable[str], count: int = 3) -> str:
         return f" Did you mean {' or '.join(repr(c) for c in close)}?"
     if not known:
         return ""
-    shown = ", ".join(known[:12]) + (", …" if len(known) > 12 else "")
+    shown = ", ".join(known[:SHOWN]) + (", …" if len(known) > SHOWN else "")
     return f" Known: {shown}."

@@ -1,10 +1,12 @@
 """The page that gathers every analysis of a robot in a posture: text, JSON, Markdown with plots."""
 
 import math
+import os
 import re
 import textwrap
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NoReturn
 
 import numpy as np
@@ -12,7 +14,7 @@ import numpy as np
 from snakegen import __version__
 from snakegen.analysis import catalogue
 from snakegen.errors import AnalysisError
-from snakegen.files import write_atomically
+from snakegen.files import check_writable, writing
 from snakegen.geometry import Floats, rpy_from_rotation
 from snakegen.posture import angles_by_name
 from snakegen.robot import Robot
@@ -118,25 +120,37 @@ def heading(page: Page) -> str:
 
 
 def write_markdown(page: Page, path: Path) -> None:
-    """Writes the page as Markdown, its plots as PNG files beside it.
+    """Writes the page as Markdown, its plots as PNG files beside it; all of them or none.
 
     Raises:
         SnakegenError: the folder cannot be made or written.
     """
     from snakegen.report_plots import plots
 
+    check_writable(path)
+    with writing(path.parent):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as beside:
+            pictures = plots(page, Path(beside), path.stem)
+            text = "\n".join(_markdown(page, path, pictures)) + "\n"
+            (Path(beside) / path.name).write_text(text, encoding="utf-8")
+            for file in sorted(Path(beside).iterdir()):
+                os.replace(file, path.parent / file.name)
+
+
+def _markdown(page: Page, path: Path, pictures: dict[str, list[Path]]) -> list[str]:
+    """Returns the lines of the page that will stand at `path`."""
     robot, about = page.robot, catalogue()
     lines = [f"# {robot.name}", "", f"{heading(page)} (rad).", ""]
     lines += [f"snakegen {__version__}, URDF {robot.urdf_hash[:12]}."]
     if (path.parent / f"{robot.name}.png").is_file():
         lines += ["", f"![{robot.name}]({robot.name}.png)"]
-    pictures = plots(page, path.parent, path.stem)
     for name, result in page.results.items():
         lines += ["", f"## {name}", "", about[name].help, "", "| | |", "|---|---|"]
         lines += [f"| {_cell(label)} | {_cell(tidy(text))} |" for label, text in result.rows()]
         for picture in pictures.get(name, []):
             lines += ["", f"![{picture.stem.replace('_', ' ')}]({picture.name})"]
-    write_atomically(path, "\n".join(lines) + "\n")
+    return lines
 
 
 def _cell(text: str) -> str:

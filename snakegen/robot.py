@@ -229,6 +229,8 @@ def load(source: Any, *, modules: str | Path | None = None) -> Robot:
             text = path.read_text(encoding="utf-8")
         except FileNotFoundError:
             raise DescriptionError(f"{path}: no such file.") from None
+        except IsADirectoryError:
+            raise DescriptionError(f"{path}: is a folder.") from None
         except (OSError, UnicodeDecodeError) as error:
             raise DescriptionError(f"{path}: cannot be read ({error}).") from None
         return from_urdf_text(text, path, modules=modules)

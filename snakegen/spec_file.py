@@ -110,6 +110,8 @@ def _raw(source: Any) -> tuple[dict[str, Any], str, Path]:
         path = known[str(source)]
     else:
         path = Path(source)
+        if path.is_dir():
+            raise SpecError(f"{path}: is a folder; a robot is a preset, a .yaml or a .urdf file.")
         if not path.is_file():
             if path.suffix in (".yaml", ".yml") or path.parent != Path("."):
                 raise SpecError(f"{path}: no such file.")

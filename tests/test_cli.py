@@ -16,6 +16,7 @@ from click.testing import CliRunner
 from snakegen import __version__
 from snakegen.analysis import catalogue
 from snakegen.cli import cli, main
+from snakegen.robot import load
 from snakegen.spec_file import presets
 
 HEAVY = ("numpy", "scipy", "pinocchio", "mujoco", "numba", "pydantic", "rerun", "matplotlib")
@@ -136,6 +137,27 @@ def test_report_is_the_default(run) -> None:
     assert run("analyze", "generated/grasper3/grasper3.spec.yaml").out == short.out
 
 
+def test_missions_and_their_options_are_listed(run) -> None:
+    """`--mission help` sorts by what suits the robot; `--option help` shows names and defaults."""
+    suits, _, others = run("analyze", "flight", "arm6", "--mission", "help").out.partition(
+        "not for"
+    )
+    assert "tip_path" in suits and "hover" not in suits
+    assert "hover" in others and "a floating base and rotors\n" in others
+    options = run("analyze", "flight", "dragon4", "--mission", "push", "--option", "help")
+    assert options.code == 0 and "kind=force" in options.out and "until=1.2" in options.out
+
+
+def test_examples_of_analyses_work(run, tmp_path: Path) -> None:
+    """What stands after a command in its help names a robot that suits, and options it has."""
+    for entry in catalogue().values():
+        robot, *rest = entry.example.split()
+        assert entry.load().applies(load(robot)), entry.example
+        flags = [word for word in rest if word.startswith("--")]
+        text = run("analyze", entry.command, "--help").out
+        assert all(f"{flag} " in text for flag in flags), entry.example
+
+
 REFUSED = [
     ("build dragn4", 1, "no preset and no file 'dragn4'. Did you mean 'dragon4'"),
     ("build dragon4 --set chain.lnks=6", 1, "dragon4.yaml has no field 'chain.lnks'. Did you mean"),
@@ -169,6 +191,22 @@ REFUSED = [
     ("analyze flight dragon4 --mission hover --duration -1", 1, "more than 0 is needed"),
     ("analyze flight dragon4 --set chain.mass=5", 1, "too heavy to fly: 239.0 N of weight"),
     ("analyze flight arm6 --mission hover", 1, "does not suit arm6; it needs"),
+    ("build folder", 1, "folder: is a folder; a robot is a preset, a .yaml or a .urdf file"),
+    ("build model.xml", 1, "is XML; this needs a preset or a spec file"),
+    ("analyze folder.urdf", 1, "folder.urdf: is a folder"),
+    (
+        "analyze margin dragon4 --mass-error 2",
+        1,
+        "mass_error is 2; it must be a fraction in [0, 1)",
+    ),
+    (
+        "analyze sweep dragon4 --map joint1_yaw",
+        1,
+        "write two joints, as in joint1_pitch,joint1_yaw",
+    ),
+    ("analyze sweep dragon4 --map joint1_yaw,jont", 1, "the sweep does not vary 'jont'."),
+    ("analyze sweep dragon4 -o a.txt", 1, "-o a.txt: the file's name must end in .parquet"),
+    ("analyze flight dragon4 -o a.txt", 1, "-o a.txt: the file's name must end in .rrd"),
     ("inspect none.rrd", 1, "none.rrd"),
     ("inspect spec.yaml", 1, "is not a rerun log"),
 ]
@@ -178,6 +216,8 @@ REFUSED = [
 def test_refusals(line: str, code: int, expected: str, run, tmp_path: Path) -> None:
     """A mistake is one line `Error: …` on stderr, exit 1 (2 for usage), and nothing on stdout."""
     (tmp_path / "spec.yaml").write_text("name: x\n")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder.urdf").mkdir()
     found = run(*line.split())
     assert found.code == code
     assert found.out == "" or "--save-spec" in line

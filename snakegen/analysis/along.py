@@ -15,6 +15,7 @@ from snakegen.sweep.samples import read_table
 COMMAND = "along"
 ORDER = 65
 REPORT = False  # needs a table
+EXAMPLE = "dragon4 --table waypoints.csv --margin torque_margin"
 OPTIONS = {
     "table": ["", "CSV or Parquet of waypoints: joint names, and a column 'time' if it has one"],
     "step": [0.02, "rad, largest joint motion between two instants that are checked"],

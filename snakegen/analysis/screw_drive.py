@@ -39,6 +39,7 @@ __all__ = [
 ]
 
 COMMAND = "drive"
+EXAMPLE = "screw4 --path arc --speed 0.1"
 ORDER = 60
 OPTIONS = {
     "path": ["lcrank", "path whose rates are worked out: line, arc, lcrank, scurve"],

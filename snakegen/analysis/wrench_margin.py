@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.analysis.allocation import Allocation, allocation
+from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
 from snakegen.kinetostatics.joint_loads import joint_loads
 from snakegen.margins.controller import thrust_controller, vectored_controller
@@ -26,6 +27,7 @@ __all__ = [
 ]
 
 COMMAND = "margin"
+EXAMPLE = "dragon4 --joint joint1_yaw=0.8 --joint joint2_yaw=0.8 --failures"
 ORDER = 50
 OPTIONS = {
     "tolerance": [1e-3, "relative gap of the certified vectored margins"],
@@ -59,6 +61,9 @@ def analyze(
         DescriptionError: no such link.
         AnalysisError: an error share outside 0…1.
     """
+    for option, share in (("mass_error", mass_error), ("thrust_error", thrust_error)):
+        if not 0.0 <= share < 1.0:
+            raise AnalysisError(f"{option} is {share:g}; it must be a fraction in [0, 1).")
     a = allocation(robot, q)
     rotors, limit = robot.rotors, robot.gimbals.limit
     scale: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
@@ -89,6 +94,7 @@ def analyze(
         _guaranteed(robot, a, mass_error, thrust_error, scale),
         _failures(robot, a, names, units, tolerance, scale) if failures else (),
         tolerance,
+        **scale,
     )
 
 

@@ -7,11 +7,13 @@ from typing import Any
 import click
 
 from snakegen.cli.options import (
+    check_ending,
     json_option,
     modules_option,
     note,
     override_options,
     print_json,
+    print_rows,
     robot_argument,
     robot_of,
     rollers_option,
@@ -22,13 +24,19 @@ from snakegen.cli.options import (
 
 @click.command()
 @robot_argument
-@click.option("--mission", default="hover", show_default=True, help="What to fly; see below.")
+@click.option(
+    "--mission",
+    default="hover",
+    show_default=True,
+    help="What to fly, or a file of way points; `help` lists.",
+)
 @click.option("-o", "--out", metavar="FILE.rrd", type=click.Path(), help="The log to write.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of noise and mismatch.")
 @click.option("--duration", type=float, help="Seconds; the mission's own by default.")
 @click.option(
-    "--option", "options", metavar="NAME=VALUE", multiple=True, help="An option of the mission."
-)
+    "--option", "options", metavar="NAME=VALUE", multiple=True,
+    help="An option of the mission; `help` lists them.",
+)  # fmt: skip
 @click.option("--gains", help="Gain set of the spec, as in paper or tuned.")
 @click.option(
     "--allocator", type=click.Choice(["paper", "constrained"]), default="paper", show_default=True,
@@ -72,7 +80,8 @@ def flight(
 ) -> int:
     """Fly ROBOT through a mission in MuJoCo, log it to rerun, and judge it.
 
-    Exit code 3 when a check of the verdict fails. Missions: see `--mission help`.
+    Exit code 3 when a check of the verdict fails. `--mission help` lists the missions that suit
+    ROBOT, `--mission transform --option help` the options of one.
 
     \b
     Example:
@@ -84,15 +93,15 @@ def flight(
     from snakegen.cli.trials import fly_trials
     from snakegen.files import check_writable
     from snakegen.log import view, write
-    from snakegen.verify.missions import missions
     from snakegen.verify.run import run
 
-    if mission == "help":
-        for name, text in missions().items():
-            click.echo(f"{name:<12}{text}")
-        return 0
+    check_ending(out, ".rrd")
     overrides = with_rollers(robot, rollers, overrides)
     machine = robot_of(robot, links, apparatus, overrides, modules)
+    if mission == "help":
+        return _list_missions(machine)
+    if "help" in options:
+        return _list_options(mission, machine)
     if plant is not None:
         options = (*options, f"plant={plant}")
     chosen = mission_options(mission, machine, options, duration)
@@ -121,6 +130,35 @@ def flight(
     if show:
         view(path)
     return 0 if passed else 3
+
+
+def _list_missions(robot: Any) -> int:
+    """Prints the missions that suit `robot`, then what the others need."""
+    from snakegen.errors import MissionError
+    from snakegen.verify.missions import mission as find
+    from snakegen.verify.missions import missions
+
+    suits, others = [], []
+    for name, text in missions().items():
+        try:
+            find(name, robot)
+            suits.append((name, text))
+        except MissionError as error:
+            others.append((name, str(error).partition("it needs ")[2].rstrip(".")))
+    print_rows(f"missions for {robot.name} (--option help lists the options of one)", suits)
+    if others:
+        print_rows(f"not for {robot.name}; they need", others)
+    return 0
+
+
+def _list_options(name: str, robot: Any) -> int:
+    """Prints the options of a mission with their defaults."""
+    from snakegen.verify.missions import mission as find
+
+    options = getattr(find(name, robot), "OPTIONS", {})
+    rows = [(f"{k}={'' if v is None else v}", about) for k, (v, about) in options.items()]
+    print_rows(f"options of mission {name}", rows or [("", "none")])
+    return 0
 
 
 def mission_options(

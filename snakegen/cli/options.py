@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from snakegen.errors import SpecError
+from snakegen.errors import SnakegenError, SpecError
 
 Decorator = Callable[[Any], Any]
 
@@ -71,7 +71,8 @@ def spec_of(
     from snakegen.spec_file import load_spec
 
     if robot.endswith((".urdf", ".xml")):
-        raise SpecError(f"{robot}: is a URDF; this needs a preset or a spec file (.yaml).")
+        kind = "a URDF" if robot.endswith(".urdf") else "XML"
+        raise SpecError(f"{robot}: is {kind}; this needs a preset or a spec file (.yaml).")
     return load_spec(robot, links=links, apparatus=apparatus, overrides=overrides)
 
 
@@ -104,6 +105,12 @@ def robot_of(
             raise SpecError("--links, --apparatus and --set change a spec, not a URDF.")
         return load(robot, modules=modules)
     return load(spec_of(robot, links, apparatus, overrides), modules=modules)
+
+
+def check_ending(path: str | None, *endings: str) -> None:
+    """Refuses a file to write whose ending other programs would not know."""
+    if path is not None and not path.endswith(endings):
+        raise SnakegenError(f"-o {path}: the file's name must end in {' or '.join(endings)}.")
 
 
 def posture_of(

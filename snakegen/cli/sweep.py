@@ -8,6 +8,7 @@ import click
 
 from snakegen.cli.flight import progress_bar
 from snakegen.cli.options import (
+    check_ending,
     json_option,
     modules_option,
     note,
@@ -84,8 +85,10 @@ def sweep(
     from snakegen.sweep.samples import chosen_joints, draw, read_table
 
     _check_margin(column)
+    check_ending(out, ".parquet")
     machine = robot_of(robot, links, apparatus, overrides, modules)
     names = chosen_joints(machine, joints)
+    drawn_over = _map_axes(axes, names)
     low, high, _ = machine.limits(names)
     drawn = (
         read_table(Path(table), names, low, high)
@@ -106,12 +109,11 @@ def sweep(
     found = pq.read_table(path)
     summary = _summary(found, column)
     picture = None
-    if axes:
+    if drawn_over:
         from snakegen.plot_sweep import sweep_map
 
-        first, _, second = axes.partition(",")
         picture = path.with_suffix(".png")
-        sweep_map(picture, machine, found, column, (first.strip(), second.strip()))
+        sweep_map(picture, machine, found, column, drawn_over)
     if worst:
         summary["worst"] = _refine(machine, names, base_rpy, tolerance, found, column)
     files = {"table": str(path)} | ({"map": str(picture)} if picture else {})
@@ -145,6 +147,21 @@ def _check_margin(column: str) -> None:
             f"there is no margin '{column}'.{near(column, MARGINS)} "
             f"A sweep gives {', '.join(MARGINS)}."
         )
+
+
+def _map_axes(axes: str | None, names: Any) -> tuple[str, str] | None:
+    """Returns the two joints of --map, refused before the sweep if it does not vary them."""
+    from snakegen.errors import AnalysisError, near
+
+    if axes is None:
+        return None
+    joints = tuple(part.strip() for part in axes.split(","))
+    if len(joints) != 2 or joints[0] == joints[1]:
+        raise AnalysisError(f"--map '{axes}': write two joints, as in {','.join(list(names)[:2])}.")
+    for joint in joints:
+        if joint not in names:
+            raise AnalysisError(f"--map: the sweep does not vary '{joint}'.{near(joint, names)}")
+    return joints[0], joints[1]
 
 
 def _rpy(text: str | None) -> tuple[float, float, float]:

@@ -39,9 +39,11 @@ class Margins:
     guaranteed: dict[str, dict[str, float]]
     failures: tuple[tuple[str, str, float, float, float], ...]
     tolerance: float
+    force_scale: float  # N, m g
+    torque_scale: float  # N m, m g times the link length
 
     def to_json(self) -> dict[str, Any]:
-        """Returns plain data for a program; force in N, torque in N m, wrench scaled."""
+        """Returns plain data for a program, with the units in which to read it."""
 
         def one(w: Weakest) -> dict[str, Any]:
             return {
@@ -63,6 +65,17 @@ class Margins:
             "controller": self.controller,
             "joint_limited": {k: asdict(v) for k, v in self.joint_limited.items()},
             "guaranteed": self.guaranteed,
+            "units": {
+                "frame": "forces and torques along the root link's axes, torques about the CoG",
+                "force": "N",
+                "torque": "N m",
+                "wrench": "1, of [force / force_scale; torque / torque_scale]",
+                "attitude_altitude": "1, as wrench, of [force z; torque] alone",
+                "worst_direction": "N and N m; of length 1, where the margin is scaled in its "
+                "scaled parts",
+                "force_scale_N": self.force_scale,
+                "torque_scale_Nm": self.torque_scale,
+            },
         } | ({"failures": rows} if rows else {})
 
     def rows(self) -> list[tuple[str, str]]:
