@@ -22,6 +22,8 @@ from snakegen.verify.recording import Recording
 
 Floats = NDArray[np.float64]
 
+_PER_WIND = 0.1  # m an arrow is long, per m/s
+
 
 def log_body(rec: Any, recording: Recording, view: Scene, mesh_folder: Path | None) -> None:
     """Writes the scene's columns into the rerun recording `rec`."""
@@ -34,6 +36,7 @@ def log_body(rec: Any, recording: Recording, view: Scene, mesh_folder: Path | No
         _log_thrusts(rec, recording, view, columns)
     _log_points(rec, recording, view, columns)
     _log_disturbance(rec, recording, view, columns)
+    _log_wind(rec, recording, view, columns)
     log_ground(rec, recording, view, columns)
 
 
@@ -151,6 +154,22 @@ def _log_disturbance(rec: Any, recording: Recording, view: Scene, columns: list[
         columns,
         rr.Arrows3D.columns(vectors=vectors, origins=at.astype(np.float32)),
     )
+
+
+def _log_wind(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -> None:
+    """Draws the wind as an arrow that ends over the CoG, a metre for 10 m/s."""
+    import rerun as rr
+
+    if not {"wind", "position"} <= recording.channels.keys():
+        return
+    blows = _PER_WIND * recording.held("wind", view.time)
+    over = recording.held("position", view.time) + np.array([0.0, 0.0, 0.35 * view.size])
+    look = rr.Arrows3D.from_fields(colors=[style.WIND], radii=[0.008 * view.size])
+    rec.log("world/wind", look, static=True)
+    arrows = rr.Arrows3D.columns(
+        vectors=blows.astype(np.float32), origins=(over - blows).astype(np.float32)
+    )
+    rec.send_columns("world/wind", columns, arrows)
 
 
 def drawable(urdf: str, meshes: Path | None) -> str:

@@ -52,6 +52,7 @@ class Plan:
         disturbance_at_cog: whether the wrench is about the CoG (carried by the link), not about
             the link's origin.
         wind: (T, 3) m/s, world, beside the plant's own; None for none.
+        turbulence: m/s, standard deviation of the air's, beside the plant's own.
         failures: rotors lost on the way.
         obstacles: boxes in the world.
         give_up: m, distance of the CoG from its target at which the run ends.
@@ -75,6 +76,7 @@ class Plan:
     disturbance_link: str = ""
     disturbance_at_cog: bool = False
     wind: Floats | None = None
+    turbulence: float = 0.0
     failures: tuple[Failure, ...] = ()
     obstacles: tuple[Box, ...] = ()
     give_up: float = float("inf")

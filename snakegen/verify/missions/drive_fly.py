@@ -40,7 +40,8 @@ def fly(
     robot: Robot, *, seed: int, ideal: bool, options: dict[str, Any], progress: Any
 ) -> Recording:
     """Drives, flies on from where the drive ended, and returns both as one judged recording."""
-    from snakegen.verify.run import Ready, check_start
+    from snakegen.verify.before import check_start
+    from snakegen.verify.run import Ready
 
     o = {k: v[0] for k, v in OPTIONS.items()} | options
     reference = curled(robot, o["distance"], o["speed"], o["acceleration"], o["bend"])

@@ -1,4 +1,4 @@
-"""Hover in a gust: a 1-cos push on the whole body, and how far it carries it off."""
+"""Hover in a gust: wind that rises and falls as 1-cos, turbulence beside it if asked for."""
 
 from typing import Any
 
@@ -9,11 +9,14 @@ from snakegen.robot import Robot
 from snakegen.verify.plan import Plan, holding, ticks
 from snakegen.verify.postures import place, resting_joints
 from snakegen.verify.recording import Recording
+from snakegen.verify.wind import one_minus_cosine
 
 OPTIONS = {
-    "force": [8.0, "N, at its peak"],
-    "direction": ["y", "x, y or z"],
+    "speed": [8.0, "m/s, of the air at the gust's peak"],
+    "direction": ["y", "x, y or z, where it blows to"],
     "length": [1.0, "s, of the gust"],
+    "turbulence": [0.0, "m/s, standard deviation on each axis (Dryden), all the while"],
+    "force": [None, "N, a push of this peak on the whole body instead of wind"],
     "duration": [10.0, "s"],
     "height": [1.5, "m, of the CoG"],
     "posture": [None, "posture file; a bent body by default"],
@@ -30,22 +33,32 @@ def plan(
     robot: Robot,
     rate: float,
     *,
-    force: float = 8.0,
+    speed: float = 8.0,
     direction: str = "y",
     length: float = 1.0,
+    turbulence: float = 0.0,
+    force: float | None = None,
     duration: float = 10.0,
     height: float = 1.5,
     posture: dict[str, Any] | None = None,
 ) -> Plan:
-    """Returns the plan: hover, and ``F (1 - cos 2πt/T) / 2`` at the CoG."""
+    """Returns the plan: hover, and ``V (1 - cos 2πt/T) / 2`` of wind, or of force at the CoG."""
     if direction not in ("x", "y", "z"):
         raise MissionError(f"direction '{direction}': x, y or z is needed.")
     if not length > 0:
         raise MissionError(f"length {length:g} s: more than 0 is needed.")
+    if not turbulence >= 0:
+        raise MissionError(f"turbulence {turbulence:g} m/s: 0 or more is needed.")
+    if not duration > _AT + length:
+        raise MissionError(f"duration {duration:g} s: more than {_AT + length:g} is needed.")
     time = ticks(duration, rate)
-    phase = np.clip((time - _AT) / length, 0.0, 1.0)
-    push = np.zeros((len(time), 6))
-    push[:, "xyz".index(direction)] = 0.5 * force * (1.0 - np.cos(2.0 * np.pi * phase))
+    way = np.eye(3)["xyz".index(direction)]
+    peak, unit = (speed, "m/s") if force is None else (force, "N")
+    gust = one_minus_cosine(time, _AT, length, peak * way)
+    blown: dict[str, Any] = {"wind": gust}
+    if force is not None:
+        push = np.hstack([gust, np.zeros_like(gust)])
+        blown = {"disturbance": push, "disturbance_at_cog": True}
     joints = resting_joints(robot, posture)
     cog = np.array([0.0, 0.0, height])
     return holding(
@@ -53,11 +66,12 @@ def plan(
         joints,
         place(robot, joints, cog),
         cog,
-        disturbance=push,
-        disturbance_at_cog=True,
-        events=((_AT, f"gust of {force:g} N along {direction}"), (_AT + length, "gust over")),
+        turbulence=turbulence,
+        events=((_AT, f"gust of {peak:g} {unit} along {direction}"), (_AT + length, "gust over")),
         facts={"gust_end_s": _AT + length},
-        thresholds={"recovery_s": {"at_most": duration - _AT - length}},
+        # turbulence goes on after the gust: there is nothing to come back to
+        thresholds={} if turbulence else {"recovery_s": {"at_most": duration - _AT - length}},
+        **blown,
     )
 
 
