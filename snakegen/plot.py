@@ -172,7 +172,14 @@ def sphere_grid(rows: int = 61, columns: int = 121) -> Array:
     return np.stack(parts, axis=-1)
 
 
-def margin_map(path: str | Path, values: Array, *, title: str, unit: str) -> Path:
+def margin_map(
+    path: str | Path,
+    values: Array,
+    *,
+    title: str,
+    unit: str,
+    weakest: tuple[float, Sequence[float]] | None = None,
+) -> Path:
     """A margin over all directions, as a map of the sphere; its weakest direction is marked.
 
     Args:
@@ -180,6 +187,8 @@ def margin_map(path: str | Path, values: Array, *, title: str, unit: str) -> Pat
         values: (rows, columns) at the directions of ``sphere_grid(rows, columns)``.
         title: of the map.
         unit: of the values.
+        weakest: the least value and its direction (3,), where they are known better than the grid
+            shows them.
 
     Raises:
         SnakegenError: values that are not such a grid, or none of them finite.
@@ -191,7 +200,10 @@ def margin_map(path: str | Path, values: Array, *, title: str, unit: str) -> Pat
     elevation = np.linspace(-np.pi / 2, np.pi / 2, rows)
     azimuth = np.linspace(-np.pi, np.pi, columns)
     row, column = np.unravel_index(np.nanargmin(values), values.shape)
-    low = values[row, column]
+    low, at = values[row, column], (azimuth[column], elevation[row])
+    if weakest is not None:
+        low, (x, y, z) = weakest
+        at = (math.atan2(y, x), math.atan2(z, math.hypot(x, y)))
 
     def draw(figure: "Figure") -> None:
         axes: Any = figure.add_subplot(projection="mollweide")
@@ -201,15 +213,8 @@ def margin_map(path: str | Path, values: Array, *, title: str, unit: str) -> Pat
         if np.ptp(values[np.isfinite(values)]) > 1e-9 * abs(low):
             axes.contour(azimuth, elevation, values, 6, colors="white", linewidths=0.5, alpha=0.6)
         axes.grid(color="white", alpha=0.25, linewidth=0.5)
-        axes.plot(
-            azimuth[column],
-            elevation[row],
-            "o",
-            markersize=11,
-            markerfacecolor="none",
-            markeredgecolor=RED,
-            markeredgewidth=2,
-        )
+        axes.plot(*at, "o", markersize=13, markerfacecolor="none", mec="white", mew=4.5)
+        axes.plot(*at, "o", markersize=13, markerfacecolor="none", mec=RED, mew=2.5)
         for degrees, name in ((-176, "−x"), (-90, "−y"), (0, "+x"), (90, "+y"), (176, "−x")):
             axes.text(math.radians(degrees), 0.0, name, color="white", ha="center", va="center")
         axes.set_xticks(np.radians([-90, 0, 90]), [])

@@ -27,17 +27,20 @@ def plots(page: "Page", folder: Path, stem: str) -> dict[str, list[Path]]:
             for name, draw in drawers.items():
                 path = folder / f"{stem}_{name}.png"
                 if command in page.results and draw(page.results[command], page, path):
-                    _shrink(path)
+                    shrink(path)
                     drawn.setdefault(command, []).append(path)
     return drawn
 
 
-def _shrink(path: Path) -> None:
+def shrink(path: Path) -> None:
     """Rewrites a PNG with a palette: a third of the bytes for charts and maps."""
     from PIL import Image
 
     with Image.open(path) as picture:
-        small = picture.convert("RGB").quantize(200, dither=Image.Dither.NONE)
+        # an octree keeps small marks of a colour of their own; a median cut drops them
+        small = picture.convert("RGB").quantize(
+            256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
+        )
     small.save(path, optimize=True)
 
 
@@ -112,7 +115,10 @@ def _margin_map(first: int, title: str, unit: str) -> Callable[[Any, "Page", Pat
         twists = np.zeros((*_GRID, 6))
         twists[..., first : first + 3] = sphere_grid(*_GRID)
         reach = np.array([margins.directional(u) for u in twists.reshape(-1, 6)]).reshape(_GRID)
-        margin_map(path, reach, title=title, unit=unit)
+        name = "torque" if first else "force"
+        direction = margins.worst(name)[first : first + 3]
+        known = (float(getattr(margins, name)), direction.tolist())
+        margin_map(path, reach, title=title, unit=unit, weakest=known)
         return True
 
     return draw

@@ -11,6 +11,7 @@ from PIL import Image
 from snakegen import plot
 from snakegen.errors import SnakegenError
 from snakegen.plot_style import BLUE, GREEN, ORANGE, RED
+from snakegen.report_plots import shrink
 
 SEGMENTS = np.array([[[0, 0, 0], [0.4, 0, 0]], [[0.4, 0, 0], [0.6, 0.3, 0.1]]], dtype=float)
 ROTORS = np.array([[0.2, 0.1, 0.0], [0.2, -0.1, 0.0]])
@@ -191,6 +192,21 @@ def test_margin_map_marks_the_weakest_direction(tmp_path: Path, weakest: list, s
     path = plot.margin_map(tmp_path / "x.png", values, title="m", unit="N")
     ring, centre = pixels(path, RED)[:, 1].mean(), 0.42 * Image.open(path).width
     assert side * (ring - centre) > 0.1 * Image.open(path).width
+
+
+def test_margin_map_takes_what_is_known_better_and_a_report_keeps_its_colour(
+    tmp_path: Path,
+) -> None:
+    """The certified direction is marked, and the palette of a report does not grey the mark."""
+    values = 3 - plot.sphere_grid() @ np.array([0.0, 1.0, 0.0])
+    known = (1.9, [0.0, -1.0, 0.0])
+    path = plot.margin_map(tmp_path / "x.png", values, title="m", unit="N", weakest=known)
+    before = len(pixels(path, RED))
+    shrink(path)
+    image = np.asarray(Image.open(path).convert("RGB")).astype(int)
+    reddish = np.argwhere((image[..., 0] > 150) & (image[..., 1:].max(axis=-1) < 90))
+    assert len(reddish) > 0.5 * before > 0
+    assert reddish[:, 1].mean() < 0.3 * image.shape[1]
 
 
 def test_chart_refusals(tmp_path: Path) -> None:
