@@ -9,8 +9,8 @@ no whitening, as the polytope takes their shape.
 import numpy as np
 
 from snakegen.kernels.jit import jit
-from snakegen.kernels.slice_support import support
-from snakegen.kernels.triples import cross, inner, plus, read, times, write
+from snakegen.kernels.slice_support import support, torque_start
+from snakegen.kernels.triples import cross, inner, minus, plus, read, times, write
 
 POINTS = 400  # then the search says that it did not close
 
@@ -22,24 +22,20 @@ def _between(points, i, j):
 
 
 @jit
-def _plane(points, facet, plane):
-    """Writes unit normal and offset (4,) of the facet (3,) through three points."""
-    a, b, c = points[facet[0]], points[facet[1]], points[facet[2]]
-    ux, uy, uz = _between(points, facet[0], facet[1])
-    vx, vy, vz = _between(points, facet[0], facet[2])
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+def _facet(points, i, j, k, facets, planes, at):
+    """Stores the facet of three points in row `at`: unit normal and offset (4,) of its plane."""
+    facets[at, 0], facets[at, 1], facets[at, 2] = i, j, k
+    a, b, c = read(points, i, 0), read(points, j, 0), read(points, k, 0)
+    x, y, z = cross(minus(b, a), minus(c, a))
     size = np.sqrt(x * x + y * y + z * z)
     if size <= 1e-300:  # a sliver bounds nothing
-        plane[:] = 0.0
-        plane[3] = np.inf
+        planes[at, 0], planes[at, 1], planes[at, 2], planes[at, 3] = 0.0, 0.0, 0.0, np.inf
         return
-    plane[0], plane[1], plane[2] = x / size, y / size, z / size
+    unit = 1.0 / size
     # the mean of the three keeps the digits of a thin body
-    plane[3] = (
-        plane[0] * (a[0] + b[0] + c[0])
-        + plane[1] * (a[1] + b[1] + c[1])
-        + plane[2] * (a[2] + b[2] + c[2])
-    ) / 3.0
+    total = x * (a[0] + b[0] + c[0]) + y * (a[1] + b[1] + c[1]) + z * (a[2] + b[2] + c[2])
+    planes[at, 0], planes[at, 1], planes[at, 2] = x * unit, y * unit, z * unit
+    planes[at, 3] = total * unit / 3.0
 
 
 @jit
@@ -71,8 +67,7 @@ def simplex(points, count, facets, planes):
         second, third = third, second
     corners = (first, second, third, fourth)
     for k, (a, b, c) in enumerate(((0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2))):
-        facets[k, 0], facets[k, 1], facets[k, 2] = corners[a], corners[b], corners[c]
-        _plane(points, facets[k], planes[k])
+        _facet(points, corners[a], corners[b], corners[c], facets, planes, k)
     return 4, first, second, third, fourth
 
 
@@ -108,8 +103,7 @@ def insert(points, new, facets, planes, count, edges, slack):
                 edges[open_edges, 0], edges[open_edges, 1] = a, b
                 open_edges += 1
     for m in range(open_edges):
-        facets[kept, 0], facets[kept, 1], facets[kept, 2] = edges[m, 0], edges[m, 1], new
-        _plane(points, facets[kept], planes[kept])
+        _facet(points, edges[m, 0], edges[m, 1], new, facets, planes, kept)
         if planes[kept, 3] < least:
             weakest, least = kept, planes[kept, 3]
         kept += 1
@@ -175,7 +169,10 @@ def radius(torque, p, limit, hover, frame, tolerance, work, worst):
         e = read(frame, k // 2, 0)
         if k % 2 == 1:
             e = times(e, -1.0)
-        z = (-z[0], -z[1], -z[2]) if k % 2 == 1 else (0.0, 0.0, 0.0)
+        if torque:
+            z = torque_start(e, p, limit, hover)
+        else:
+            z = (-z[0], -z[1], -z[2]) if k % 2 == 1 else (0.0, 0.0, 0.0)
         above, _, balanced, z, point = support(e, z, torque, p, limit, hover)
         if above < upper:
             upper = above

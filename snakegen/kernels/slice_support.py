@@ -211,6 +211,24 @@ def _reached(e, z, torque, p, limit, hover, smooth):
     return upper, point
 
 
+@jit(fastmath=LOOSE)
+def torque_start(e, p, limit, hover):
+    """Returns a start for the torque slice: the minimum, were all p_j × e as far from their mean.
+
+    Then ``Σ L_j v/√(v² + s²) = f0`` holds at ``v = s ρ/√(1 - ρ²)``, ρ = ‖f0‖/Σ L_j, along f0.
+    """
+    total, square, middle = 0.0, 0.0, (0.0, 0.0, 0.0)
+    for j in range(limit.size):
+        at = cross(read(p, j, 0), e)
+        total += limit[j]
+        square += limit[j] * inner(at, at)
+        middle = plus(middle, times(at, limit[j]))
+    middle = times(middle, 1.0 / total)
+    spread = max(square / total - inner(middle, middle), 0.0)
+    f = (hover[0] / total, hover[1] / total, hover[2] / total)
+    return plus(middle, times(f, np.sqrt(spread / max(1.0 - inner(f, f), 1e-3))))
+
+
 @jit
 def support(e, z, torque, p, limit, hover):
     """Bounds g along the unit `e`; returns (upper, lower, balanced, z, point).
