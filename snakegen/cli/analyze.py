@@ -9,16 +9,14 @@ import click
 from snakegen.analysis import Entry, catalogue
 from snakegen.cli import LazyGroup
 from snakegen.cli.options import (
+    Source,
+    Stance,
     json_option,
-    modules_option,
     note,
-    override_options,
-    posture_of,
     posture_options,
     print_json,
     print_rows,
-    robot_argument,
-    robot_of,
+    robot_options,
 )
 
 _OTHERS = {
@@ -65,43 +63,32 @@ def _lazy() -> dict[str, tuple[str, str]]:
 def _command(entry: Entry) -> click.Command:
     """Returns the click command of an analysis, with its own options."""
 
-    def run(
-        robot: str,
-        links: int | None,
-        apparatus: str | None,
-        overrides: tuple[str, ...],
-        modules: str | None,
-        posture: str | None,
-        joints: tuple[str, ...],
-        base_rpy: str | None,
-        gimbals: str,
-        as_json: bool,
-        **options: Any,
-    ) -> None:
+    def run(source: Source, stance: Stance, as_json: bool, **options: Any) -> None:
         from snakegen.report import refuse
 
-        machine = robot_of(robot, links, apparatus, overrides, modules)
+        machine = source.machine()
         analysis = entry.load()
         if not analysis.applies(machine):
             refuse(entry.command, machine, analysis)
-        q = posture_of(machine, posture, joints, base_rpy, gimbals)
-        result = analysis.analyze(machine, q, **options)
+        result = analysis.analyze(machine, stance.of(machine), **options)
         if as_json:
             print_json({"robot": machine.name, "analysis": entry.command} | result.to_json())
         else:
             print_rows(f"{machine.name}: {entry.command}", result.rows())
 
-    decorated: Any = run
+    # the analysis' own options stand first in its help
+    decorated: Any = posture_options(robot_options(json_option(run)))
     for name, (default, text) in reversed(entry.options.items()):
         kind: dict[str, Any] = {"type": type(default)} if default is not None else {}
         if isinstance(default, bool):
             kind = {"is_flag": True}
         decorated = click.option(
-            f"--{name.replace('_', '-')}", default=default, show_default=True, help=text, **kind
+            f"--{name.replace('_', '-')}",
+            default=default,
+            show_default=default != "",
+            help=text,
+            **kind,
         )(decorated)
-    for decorator in (json_option, posture_options, modules_option, override_options):
-        decorated = decorator(decorated)
-    decorated = robot_argument(decorated)
     example = f"snakegen analyze {entry.command} {entry.example}"
     help_text = f"{entry.help}\n\n\b\nExample:\n  {example}"
     return click.command(name=entry.command, help=help_text)(decorated)

@@ -5,23 +5,19 @@ from pathlib import Path
 import click
 
 from snakegen.cli.options import (
+    Source,
     json_option,
     note,
-    override_options,
     print_json,
-    robot_argument,
     rollers_option,
-    spec_of,
-    with_rollers,
+    spec_options,
 )
 
 
 @click.command()
-@robot_argument
 @click.option(
     "-o", "--out", metavar="DIR", type=click.Path(), help="Folder; generated/<robot> by default."
 )
-@override_options
 @rollers_option
 @click.option(
     "--save-spec", metavar="FILE", type=click.Path(), help="Also save the spec as overridden."
@@ -32,12 +28,10 @@ from snakegen.cli.options import (
     show_default=True, help="How the URDF names its meshes; package:// is for ROS.",
 )  # fmt: skip
 @json_option
+@spec_options
 def build(
-    robot: str,
+    source: Source,
     out: str | None,
-    links: int | None,
-    apparatus: str | None,
-    overrides: tuple[str, ...],
     rollers: str | None,
     save_spec: str | None,
     picture: bool,
@@ -56,7 +50,7 @@ def build(
     from snakegen.generate import build as run
     from snakegen.spec_file import save
 
-    spec = spec_of(robot, links, apparatus, with_rollers(robot, rollers, overrides))
+    spec = source.rolling_on(rollers).spec()
     made = run(spec, out, picture=picture, mesh_uri=mesh_uri)
     if save_spec:
         save(spec, Path(save_spec))

@@ -7,23 +7,18 @@ from typing import Any
 import click
 
 from snakegen.cli.options import (
+    Source,
     check_ending,
     json_option,
-    modules_option,
     note,
-    override_options,
     print_json,
     print_rows,
-    robot_argument,
-    robot_of,
+    robot_options,
     rollers_option,
-    spec_of,
-    with_rollers,
 )
 
 
 @click.command()
-@robot_argument
 @click.option(
     "--mission",
     default="hover",
@@ -48,8 +43,6 @@ from snakegen.cli.options import (
     help="Drives: in contact (default), or with wheels that cannot slip.",
 )  # fmt: skip
 @rollers_option
-@override_options
-@modules_option
 @json_option
 @click.option("--open", "show", is_flag=True, help="Open the log in the viewer (127.0.0.1).")
 @click.option(
@@ -57,8 +50,9 @@ from snakegen.cli.options import (
     help="Fly N times over uncertain mass, inertia, thrust, lag, delay, noise; log the worst.",
 )  # fmt: skip
 @click.option("--workers", type=click.IntRange(min=1), help="Threads for the trials.")
+@robot_options
 def flight(
-    robot: str,
+    source: Source,
     mission: str,
     out: str | None,
     seed: int,
@@ -69,10 +63,6 @@ def flight(
     ideal: bool,
     plant: str | None,
     rollers: str | None,
-    links: int | None,
-    apparatus: str | None,
-    overrides: tuple[str, ...],
-    modules: str | None,
     as_json: bool,
     show: bool,
     trials: int | None,
@@ -96,8 +86,8 @@ def flight(
     from snakegen.verify.run import run
 
     check_ending(out, ".rrd")
-    overrides = with_rollers(robot, rollers, overrides)
-    machine = robot_of(robot, links, apparatus, overrides, modules)
+    source = source.rolling_on(rollers)
+    machine = source.machine()
     if mission == "help":
         return _list_missions(machine)
     if "help" in options:
@@ -108,7 +98,7 @@ def flight(
     path = Path(out) if out else Path("generated") / machine.name / f"{mission}.rrd"
     meshes = mesh_folder(machine, path)
     if machine.path is None and machine.modules.screws:
-        meshes = drum_folder(spec_of(robot, links, apparatus, overrides))
+        meshes = drum_folder(source.spec())
     bar = progress_bar(f"{machine.name} {mission}")
     how: dict[str, Any] = {"gains": gains, "allocator": allocator, "ideal": ideal}
     how |= {"options": chosen, "seed": seed}

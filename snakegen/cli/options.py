@@ -4,6 +4,8 @@ import json
 import shutil
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +27,105 @@ def chain(*decorators: Decorator) -> Decorator:
     return apply
 
 
-robot_argument = click.argument("robot", metavar="ROBOT")
+@dataclass(frozen=True)
+class Source:
+    """ROBOT and the options that change it on the way."""
 
-override_options = chain(
+    robot: str  # a preset, a spec file or a URDF
+    links: int | None
+    apparatus: str | None
+    overrides: tuple[str, ...]
+    modules: str | None = None
+
+    @property
+    def is_xml(self) -> bool:
+        """Whether ROBOT is a description already, not a spec."""
+        return self.robot.endswith((".urdf", ".xml"))
+
+    def spec(self) -> Any:
+        """Returns the RobotSpec of a preset or spec file with its overrides."""
+        from snakegen.spec_file import load_spec
+
+        if self.is_xml:
+            kind = "a URDF" if self.robot.endswith(".urdf") else "XML"
+            raise SpecError(f"{self.robot}: is {kind}; this needs a preset or a spec file (.yaml).")
+        return load_spec(
+            self.robot, links=self.links, apparatus=self.apparatus, overrides=self.overrides
+        )
+
+    def machine(self) -> Any:
+        """Returns the Robot; says so if kernels must be compiled."""
+        from snakegen.kernels.jit import cold
+        from snakegen.robot import load
+
+        if sys.stderr.isatty() and cold():
+            note("compiling kernels; the first run takes a minute or two, later ones find them")
+        if self.is_xml:
+            if self.links is not None or self.apparatus is not None or self.overrides:
+                raise SpecError("--links, --apparatus and --set change a spec, not a URDF.")
+            return load(self.robot, modules=self.modules)
+        return load(self.spec(), modules=self.modules)
+
+    def rolling_on(self, rollers: str | None) -> "Source":
+        """Returns the source with the choice of --rollers among its overrides."""
+        if rollers is None:
+            return self
+        if self.is_xml:
+            raise SpecError(
+                "--rollers changes a spec; the wheels of a URDF stand where they stand."
+            )
+        if self.spec().screw_drive is None:
+            raise SpecError(
+                f"{self.robot} has no 'screw_drive'; --rollers says how drums touch the ground."
+            )
+        return replace(self, overrides=(*self.overrides, f"screw_drive.rollers={rollers}"))
+
+
+@dataclass(frozen=True)
+class Stance:
+    """The posture that the options ask for."""
+
+    posture: str | None
+    joints: tuple[str, ...]
+    base_rpy: str | None
+    gimbals: str
+
+    def of(self, robot: Any) -> Any:
+        """Returns q of `robot`."""
+        from snakegen.errors import PostureError
+        from snakegen.posture import hover_gimbals, parse_joints, read_posture
+
+        given = read_posture(Path(self.posture)) if self.posture else {}
+        given |= parse_joints(self.joints)
+        if self.base_rpy is not None:
+            parts = self.base_rpy.split(",")
+            if len(parts) != 3:
+                raise PostureError(
+                    f"--base-rpy '{self.base_rpy}': write three angles, as in 0,0.2,0."
+                )
+            given["base_rpy"] = parts
+        q = robot.configuration(given)
+        return hover_gimbals(robot, q) if self.gimbals == "hover" else q
+
+
+def _gathered(name: str, kind: Any, *decorators: Decorator) -> Decorator:
+    """Returns a decorator whose options reach the command as one argument `name` of type `kind`."""
+    fields_ = [f.name for f in fields(kind)]
+
+    def apply(function: Any) -> Any:
+        @wraps(function)
+        def run(**given: Any) -> Any:
+            values = {key: given.pop(key) for key in fields_ if key in given}
+            return function(**{name: kind(**values)}, **given)
+
+        return chain(*decorators)(run)
+
+    return apply
+
+
+_robot = click.argument("robot", metavar="ROBOT")
+
+_overrides = chain(
     click.option("--links", type=int, help="Replace the number of links."),
     click.option("--apparatus", metavar="PLACES", help="Replace the places, as in 1,2,4@0.3."),
     click.option(
@@ -36,17 +134,21 @@ override_options = chain(
     ),
 )  # fmt: skip
 
-modules_option = click.option(
+_modules = click.option(
     "--modules", metavar="FILE", type=click.Path(),
     help="Modules file (rotors, gimbals) for a URDF that snakegen did not write.",
 )  # fmt: skip
+
+spec_options = _gathered("source", Source, _robot, _overrides)
+robot_options = _gathered("source", Source, _robot, _overrides, _modules)
 
 rollers_option = click.option(
     "--rollers", type=click.Choice(["helix_capsule", "ring_sphere", "ellipsoid", "ball"]),
     help="How screw drums touch the ground; ball (one a drum) is for the MJCF alone.",
 )  # fmt: skip
 
-posture_options = chain(
+posture_options = _gathered(
+    "stance", Stance,
     click.option("--posture", metavar="FILE", type=click.Path(), help="Posture file (YAML)."),
     click.option(
         "--joint", "joints", metavar="NAME=VALUE", multiple=True,
@@ -64,71 +166,10 @@ posture_options = chain(
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON alone on stdout.")
 
 
-def spec_of(
-    robot: str, links: int | None, apparatus: str | None, overrides: tuple[str, ...]
-) -> Any:
-    """Returns the RobotSpec of a preset or spec file with its overrides."""
-    from snakegen.spec_file import load_spec
-
-    if robot.endswith((".urdf", ".xml")):
-        kind = "a URDF" if robot.endswith(".urdf") else "XML"
-        raise SpecError(f"{robot}: is {kind}; this needs a preset or a spec file (.yaml).")
-    return load_spec(robot, links=links, apparatus=apparatus, overrides=overrides)
-
-
-def with_rollers(robot: str, rollers: str | None, overrides: tuple[str, ...]) -> tuple[str, ...]:
-    """Returns the overrides with the choice of --rollers among them."""
-    if rollers is None:
-        return overrides
-    if robot.endswith((".urdf", ".xml")):
-        raise SpecError("--rollers changes a spec; the wheels of a URDF stand where they stand.")
-    if spec_of(robot, None, None, overrides).screw_drive is None:
-        raise SpecError(f"{robot} has no 'screw_drive'; --rollers says how drums touch the ground.")
-    return (*overrides, f"screw_drive.rollers={rollers}")
-
-
-def robot_of(
-    robot: str,
-    links: int | None,
-    apparatus: str | None,
-    overrides: tuple[str, ...],
-    modules: str | None,
-) -> Any:
-    """Returns the Robot that ROBOT and its options name; says so if kernels must be compiled."""
-    from snakegen.kernels.jit import cold
-    from snakegen.robot import load
-
-    if sys.stderr.isatty() and cold():
-        note("compiling kernels; the first run takes a minute or two, later ones find them cached")
-    if robot.endswith((".urdf", ".xml")):
-        if links is not None or apparatus is not None or overrides:
-            raise SpecError("--links, --apparatus and --set change a spec, not a URDF.")
-        return load(robot, modules=modules)
-    return load(spec_of(robot, links, apparatus, overrides), modules=modules)
-
-
 def check_ending(path: str | None, *endings: str) -> None:
     """Refuses a file to write whose ending other programs would not know."""
     if path is not None and not path.endswith(endings):
         raise SnakegenError(f"-o {path}: the file's name must end in {' or '.join(endings)}.")
-
-
-def posture_of(
-    robot: Any, posture: str | None, joints: tuple[str, ...], base_rpy: str | None, gimbals: str
-) -> Any:
-    """Returns q from the posture options."""
-    from snakegen.errors import PostureError
-    from snakegen.posture import hover_gimbals, parse_joints, read_posture
-
-    given = read_posture(Path(posture)) if posture else {}
-    given |= parse_joints(joints)
-    if base_rpy is not None:
-        parts = base_rpy.split(",")
-        if len(parts) != 3:
-            raise PostureError(f"--base-rpy '{base_rpy}': write three angles, as in 0,0.2,0.")
-        given["base_rpy"] = parts
-    q = robot.configuration(given)
-    return hover_gimbals(robot, q) if gimbals == "hover" else q
 
 
 def print_json(value: Any) -> None:

@@ -5,41 +5,25 @@ from pathlib import Path
 import click
 
 from snakegen.cli.options import (
+    Source,
+    Stance,
     json_option,
-    modules_option,
     note,
-    override_options,
     page_width,
-    posture_of,
     posture_options,
     print_json,
-    robot_argument,
-    robot_of,
+    robot_options,
 )
 
 
 @click.command()
-@robot_argument
-@override_options
-@modules_option
 @posture_options
 @json_option
 @click.option(
     "--report", "file", metavar="FILE.md", type=click.Path(), help="Also write a page with plots."
 )
-def report(
-    robot: str,
-    links: int | None,
-    apparatus: str | None,
-    overrides: tuple[str, ...],
-    modules: str | None,
-    posture: str | None,
-    joints: tuple[str, ...],
-    base_rpy: str | None,
-    gimbals: str,
-    as_json: bool,
-    file: str | None,
-) -> None:
+@robot_options
+def report(source: Source, stance: Stance, as_json: bool, file: str | None) -> None:
     """Everything that applies to ROBOT in a posture, on one page.
 
     \b
@@ -49,9 +33,8 @@ def report(
     """
     from snakegen.report import collect, text_page, to_json, write_markdown
 
-    machine = robot_of(robot, links, apparatus, overrides, modules)
-    q = posture_of(machine, posture, joints, base_rpy, gimbals)
-    page = collect(machine, q)
+    machine = source.machine()
+    page = collect(machine, stance.of(machine))
     if file:
         write_markdown(page, Path(file))
         note(f"report: {file}")

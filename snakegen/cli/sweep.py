@@ -8,20 +8,17 @@ import click
 
 from snakegen.cli.flight import progress_bar
 from snakegen.cli.options import (
+    Source,
     check_ending,
     json_option,
-    modules_option,
     note,
-    override_options,
     print_json,
     print_rows,
-    robot_argument,
-    robot_of,
+    robot_options,
 )
 
 
 @click.command()
-@robot_argument
 @click.option("--samples", type=int, default=10_000, show_default=True, help="How many postures.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the samples.")
 @click.option(
@@ -47,11 +44,10 @@ from snakegen.cli.options import (
     "--margin", "column", default="force_margin", show_default=True, help="For --worst, --map."
 )
 @click.option("--map", "axes", metavar="JOINT,JOINT", help="Picture of the margin over two joints.")
-@override_options
-@modules_option
 @json_option
+@robot_options
 def sweep(
-    robot: str,
+    source: Source,
     samples: int,
     seed: int,
     sampling: str,
@@ -66,10 +62,6 @@ def sweep(
     worst: bool,
     column: str,
     axes: str | None,
-    links: int | None,
-    apparatus: str | None,
-    overrides: tuple[str, ...],
-    modules: str | None,
     as_json: bool,
 ) -> None:
     """Certified margins of many postures of ROBOT, as Parquet; gimbals point up in each.
@@ -86,7 +78,7 @@ def sweep(
 
     _check_margin(column)
     check_ending(out, ".parquet")
-    machine = robot_of(robot, links, apparatus, overrides, modules)
+    machine = source.machine()
     names = chosen_joints(machine, joints)
     drawn_over = _map_axes(axes, names)
     low, high, _ = machine.limits(names)
@@ -99,7 +91,7 @@ def sweep(
     identity = {
         "seed": seed,
         "sampling": "table" if table else sampling,
-        "spec": _spec_text(robot, links, apparatus, overrides),
+        "spec": _spec_text(source),
     }
     with progress_bar(f"{machine.name} sweep") as step:
         run(
@@ -125,16 +117,10 @@ def sweep(
     print_rows(f"{machine.name}: sweep of {found.num_rows:,} postures", _rows(summary))
 
 
-def _spec_text(
-    robot: str, links: int | None, apparatus: str | None, overrides: tuple[str, ...]
-) -> str:
+def _spec_text(source: Source) -> str:
     from snakegen import yaml_file
-    from snakegen.spec_file import load_spec
 
-    if robot.endswith((".urdf", ".xml")):
-        return ""
-    spec = load_spec(robot, links=links, apparatus=apparatus, overrides=overrides)
-    return yaml_file.dump(spec.resolved())
+    return "" if source.is_xml else yaml_file.dump(source.spec().resolved())
 
 
 def _check_margin(column: str) -> None:
