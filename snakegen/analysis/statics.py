@@ -66,7 +66,8 @@ class StaticsResult:
         twist_rank: see above.
         tip: link and place of the tip (m from the base origin, world axes).
         tip_load: what the tip can bear, for robots with a chain joint.
-        worst: the hardest posture by joint name, its largest use and the joint, if asked.
+        worst: the hardest posture by joint name, its largest use, a proved bound of the use in any
+            posture (base held), and the joint, if asked.
     """
 
     joints: tuple[str, ...]
@@ -106,6 +107,9 @@ class StaticsResult:
             angles = ", ".join(f"{k} {x:+.2f}" for k, x in bent.items()) or "all joints at 0"
             use = f"{100 * self.worst['use']:.3g} % of {self.worst['joint']}"
             out.append(("worst posture", f"{use} at {angles}"))
+            if self.worst["use_bound"] is not None:
+                most = f"no posture takes more than {100 * self.worst['use_bound']:.4g} %"
+                out.append(("", f"{most} of any joint (proved)"))
         return out + self._joint_rows()
 
     def _joint_rows(self) -> list[tuple[str, str]]:

@@ -1,4 +1,7 @@
-"""The posture whose joints are loaded hardest: samples inside the limits, then local search."""
+"""The posture whose joints are loaded hardest: samples inside the limits, then local search.
+
+What the search finds is a lower bound; `worst_bound` closes the bracket from above.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,6 +17,7 @@ from snakegen.kernels.dynamics import EXTERNAL, GRAVITY
 from snakegen.kernels.inverse_dynamics import torques_batch
 from snakegen.kinetostatics.law import DOWN, Wrenches, armature, finite, link_loads, torque_terms
 from snakegen.kinetostatics.support import Hold, hold_up
+from snakegen.kinetostatics.worst_bound import use_bound
 from snakegen.robot import Robot
 
 
@@ -123,8 +127,9 @@ def worst_posture(
     """Returns the posture inside the joint limits in which a servo is used hardest, at rest.
 
     Chain joints move, the others stay as in q; `wrenches` keep their directions in the world. In
-    hover, postures that apparatus forces within their limits cannot hold are left out. A lower
-    bound found by multi-start search: `agreeing` of `starts` searches ended at it.
+    hover, postures that apparatus forces within their limits cannot hold are left out. `use` is
+    found by multi-start search, `agreeing` of `starts` searches ended at it; with the base held
+    `use_bound` is what no posture exceeds (`worst_bound`), else null.
 
     Raises:
         AnalysisError: limits that are not finite, servo limits of 0, no posture that can hover.
@@ -149,10 +154,12 @@ def worst_posture(
     if not np.isfinite(found.value):
         raise AnalysisError(f"{robot.name}: no posture was found in which it can hover.")
     use = np.abs(torques(found.angles[None])[0]) / limit
+    bound = use_bound(robot, q, **given) if kind == "base" else None
     return {
         "posture": dict(zip(names, found.angles.tolist(), strict=True)),
         "support": kind,
         "use": found.value,
+        "use_bound": bound,
         "joint": names[int(np.argmax(use))],
         "starts": found.starts,
         "agreeing": found.agreeing,
