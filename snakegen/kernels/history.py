@@ -1,11 +1,14 @@
-"""CoG motion along a whole run, from rows of states."""
+"""CoG motion and allocation maps along a whole run, and which rows of it are drawn."""
 
 import numpy as np
 
 from snakegen.kernels.chain import body_twists, centre_of_gravity, forward
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import turn_into
-from snakegen.kernels.tree import Floats, Tree
+from snakegen.kernels.tree import Floats, Gimbals, Ints, Rotors, Tree
+from snakegen.kernels.wrench_map import dual_map, rotor_frames, thrust_points
+
+HUGE = 1e200  # beyond it a sample counts as not finite
 
 
 @jit
@@ -93,3 +96,58 @@ def cog_history(
         frames[k] = rotation[body] @ turn
         spins[k] = frames[k].T @ w[body]
     return cogs, speeds, frames, spins
+
+
+@jit
+def maps_history(
+    tree: Tree,
+    rotors: Rotors,
+    gimbals: Gimbals,
+    rotations: Floats,
+    positions: Floats,
+    angles: Floats,
+) -> tuple[Floats, Floats]:
+    """Returns thrust points (m, Ñ, 3) [m] and maps Q_dual (m, 6, r), gimbals as they are.
+
+    About the CoG, in the root link's axes; arguments as in `cog_history`, m rows.
+    """
+    count = positions.shape[0]
+    points = np.empty((count, gimbals.link_body.shape[0], 3))
+    dual = np.empty((count, 6, rotors.body.shape[0]))
+    for k in range(count):
+        rotation, position = forward(tree, rotations[k], positions[k], angles[k])
+        _, cog = centre_of_gravity(tree, rotation, position)
+        points[k] = thrust_points(gimbals, rotation, position, cog, rotations[k])
+        at, along = rotor_frames(rotors, rotation, position, cog, rotations[k])
+        dual[k] = dual_map(rotors, at, along)
+    return points, dual
+
+
+@jit
+def farthest_rows(values: Floats, stride: int) -> Ints:
+    """Returns, of each whole run of `stride` rows of (T, k), the row farthest from the run's mean.
+
+    The first of them where several are; an entry that is not finite is farther than any that is.
+    """
+    width = values.shape[1]
+    out = np.empty(values.shape[0] // stride, np.int64)
+    mean = np.empty(width)
+    for block in range(out.shape[0]):
+        first, most = block * stride, -1.0
+        mean[:] = 0.0
+        for k in range(first, first + stride):
+            for i in range(width):
+                if abs(values[k, i]) < HUGE:
+                    mean[i] += values[k, i] / stride
+        out[block] = first
+        for k in range(first, first + stride):
+            away = 0.0
+            for i in range(width):
+                if not abs(values[k, i]) < HUGE:
+                    away = np.inf
+                else:
+                    away = max(away, abs(values[k, i] - mean[i]))
+            if away > most:
+                most = away
+                out[block] = k
+    return out

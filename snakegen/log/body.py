@@ -58,19 +58,26 @@ def _log_robot(
         tree.log_urdf_to_recording(rec)
     _make_solid(rec, recording.meta["urdf"], tree)
     rotation, position = view.base
-    ticks = len(view.time)
-    moved = rr.Transform3D.columns(
-        translation=position,
-        quaternion=_xyzw(rotation),
-        parent_frame=["tf#/world"] * ticks,
-        child_frame=[bones.root] * ticks,
-    )
-    rec.send_columns("world/motion/base", columns, moved)
+    base = _moved(position, _xyzw(rotation), "tf#/world", bones.root)
+    rec.send_columns("world/motion/base", columns, base)
     for j in bones.moving():
-        joint = tree.get_joint_by_name(j.name)
-        if joint is not None and j.name in view.angles:
-            turned = joint.compute_transform_columns(view.angles[j.name].tolist(), clamp=False)
+        if j.name in view.angles:
+            turned = _moved(*sk.joint_poses(j, view.angles[j.name]), j.parent, j.child)
             rec.send_columns(rr.new_entity_path(["world", "motion", j.name]), columns, turned)
+
+
+def _moved(position: Floats, xyzw: Floats, parent: str, child: str) -> Any:
+    """Returns the columns of a frame's poses in another: (F, 3) m and (F, 4)."""
+    import pyarrow as pa
+    import rerun as rr
+
+    frames = len(xyzw)
+    return rr.Transform3D.columns(
+        translation=position.astype(np.float32),
+        quaternion=xyzw.astype(np.float32),
+        parent_frame=pa.repeat(parent, frames),  # lists of names cost more than all else
+        child_frame=pa.repeat(child, frames),
+    )
 
 
 def _make_solid(rec: Any, urdf: str, tree: Any) -> None:

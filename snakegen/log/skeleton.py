@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.errors import LogError
-from snakegen.geometry import rotation_from_rpy
+from snakegen.geometry import quaternion_xyzw, rotation_from_rpy
 
 Floats = NDArray[np.float64]
 Poses = tuple[Floats, Floats]  # rotations (T, 3, 3), positions (T, 3)
@@ -162,6 +162,20 @@ def rotations_about(axis: Floats, angle: Floats) -> Floats:
     k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
     return np.eye(3) + s * k + (1.0 - c) * (k @ k)
+
+
+def joint_poses(joint: Joint, angle: Floats) -> tuple[Floats, Floats]:
+    """Returns position (T, 3) [m] and quaternion xyzw (T, 4) of a joint's child in its parent."""
+    position = np.repeat(joint.translation[None], len(angle), axis=0)
+    start = quaternion_xyzw(joint.rotation)
+    if joint.kind == "prismatic":
+        position = position + angle[:, None] * (joint.rotation @ joint.axis)
+        return position, np.repeat(start[None], len(angle), axis=0)
+    # start ⊗ (axis sin, cos): both parts are one product with a (2, 4) of constants
+    v, w = start[:3], start[3]
+    sine = np.append(w * joint.axis + np.cross(v, joint.axis), -v @ joint.axis)
+    half = 0.5 * angle[:, None]
+    return position, np.sin(half) * sine + np.cos(half) * start
 
 
 def _joint(element: ET.Element) -> Joint:

@@ -74,9 +74,8 @@ def standing_out(values: Floats, stride: int) -> Ints:
     rows = len(values)
     if stride == 1 or rows <= 2 * stride:
         return np.arange(rows)
-    whole = rows // stride
-    if not np.all(np.isfinite(values)):  # what is undefined stands out most
-        values = np.where(np.isfinite(values), np.clip(values, -1e150, 1e150), 1e200)
-    block = values[: whole * stride].reshape(whole, stride, -1)
-    away = np.abs(block - block.mean(axis=1, keepdims=True)).max(axis=2).argmax(axis=1)
-    return np.unique(np.concatenate([[0], np.arange(whole) * stride + away, [rows - 1]]))
+    from snakegen.kernels.history import farthest_rows
+
+    index = farthest_rows(np.ascontiguousarray(values), stride)
+    inner = index[(index > 0) & (index < rows - 1)]
+    return np.concatenate([[0], inner, [rows - 1]])

@@ -7,6 +7,7 @@ from snakegen.geometry import Floats
 from snakegen.verify.world import World
 
 _FAR = 0.5  # m: what is farther apart than this is recorded as this far
+_AT_ONCE = 200_000  # pairs of geoms whose gaps are worked out together
 
 
 def clearances(world: World, qpos: Floats) -> tuple[Floats, Floats, Floats]:
@@ -25,48 +26,69 @@ def clearances(world: World, qpos: Floats) -> tuple[Floats, Floats, Floats]:
     ]
     pairs = _pairs(model, own_geoms)
     around = np.array([(a, b) for a in own_geoms for b in walls], int).reshape(-1, 2)
-    floor = np.empty(len(qpos))
-    own, obstacle = np.full(len(qpos), np.inf), np.full(len(qpos), np.inf)
+    count = len(qpos)
+    at, axes = np.empty((count, model.ngeom, 3)), np.empty((count, model.ngeom, 9))
     for k, row in enumerate(qpos):
         data.qpos[:] = row
         mujoco.mj_kinematics(model, data)
-        floor[k] = float(np.min(data.geom_xpos[own_geoms, 2] - _reach_down(model, data, own_geoms)))
-        if len(pairs):
-            own[k] = _least(model, data, pairs)
-        if len(around):
-            obstacle[k] = _least(model, data, around)
-    return floor, own, obstacle
+        at[k], axes[k] = data.geom_xpos, data.geom_xmat
+    floor = np.min(at[:, own_geoms, 2] - _reach_down(model, axes, own_geoms), axis=1)
+    return floor, _least(model, data, pairs, at, axes), _least(model, data, around, at, axes)
 
 
-def _reach_down(model: mujoco.MjModel, data: mujoco.MjData, geoms: list[int]) -> Floats:
-    """Returns how far (m,) [m] geoms reach below their centres; meshes: their bounding balls."""
+def _reach_down(model: mujoco.MjModel, axes: Floats, geoms: list[int]) -> Floats:
+    """Returns how far (m, g) [m] geoms reach below their centres; meshes: their bounding balls.
+
+    Args:
+        model: of the world.
+        axes: (m, ngeom, 9) attitudes.
+        geoms: which.
+    """
     shape, size, kind = model.geom_type[geoms], model.geom_size[geoms], mujoco.mjtGeom
-    axes = np.abs(data.geom_xmat[geoms, 6:9])  # vertical parts of the geoms' axes
-    along = axes[:, 2]
+    up = np.abs(axes[:, geoms, 6:9])  # vertical parts of the geoms' axes
+    along = up[:, :, 2]
     across = np.sqrt(np.maximum(0.0, 1.0 - along**2))
     known = [
-        (kind.mjGEOM_SPHERE, size[:, 0]),
+        (kind.mjGEOM_SPHERE, np.broadcast_to(size[:, 0], along.shape)),
         (kind.mjGEOM_CAPSULE, size[:, 0] + size[:, 1] * along),
         (kind.mjGEOM_CYLINDER, size[:, 0] * across + size[:, 1] * along),
-        (kind.mjGEOM_BOX, np.einsum("gi,gi->g", axes, size)),
+        (kind.mjGEOM_BOX, np.einsum("kgi,gi->kg", up, size)),
     ]
     return np.select(
         [shape == int(k) for k, _ in known], [r for _, r in known], model.geom_rbound[geoms]
     )
 
 
-def _least(model: mujoco.MjModel, data: mujoco.MjData, pairs: np.ndarray) -> float:
-    """Returns the least distance [m] over pairs of geoms, at most 0.5; balls round them first."""
+def _least(
+    model: mujoco.MjModel, data: mujoco.MjData, pairs: np.ndarray, at: Floats, axes: Floats
+) -> Floats:
+    """Returns the least distances (m,) [m] over pairs of geoms, at most 0.5; inf without pairs.
+
+    Balls round the geoms are looked at first, as many rows at once as fit into memory.
+
+    Args:
+        model, data: of the world; the geoms' places in `data` are written over.
+        pairs: (p, 2) geoms.
+        at, axes: (m, ngeom, 3) m, (m, ngeom, 9), where the geoms are.
+    """
+    count = len(at)
+    if not len(pairs):
+        return np.full(count, np.inf)
     a, b = pairs[:, 0], pairs[:, 1]
-    reach = model.geom_rbound
-    gap = np.linalg.norm(data.geom_xpos[a] - data.geom_xpos[b], axis=1) - reach[a] - reach[b]
-    best = _FAR
-    for i in np.argsort(gap):
-        if gap[i] >= best:
-            break
-        found = mujoco.mj_geomDistance(model, data, int(a[i]), int(b[i]), best, None)
-        best = min(best, found)
-    return float(best)
+    reach = model.geom_rbound[a] + model.geom_rbound[b]
+    out, block = np.full(count, _FAR), max(1, _AT_ONCE // len(pairs))
+    for first in range(0, count, block):
+        rows = slice(first, first + block)
+        gaps = np.linalg.norm(at[rows, a] - at[rows, b], axis=2) - reach
+        for k, gap in enumerate(gaps, first):
+            near = np.flatnonzero(gap < _FAR)
+            data.geom_xpos[:], data.geom_xmat[:] = at[k], axes[k]
+            for i in near[np.argsort(gap[near])]:
+                if gap[i] >= out[k]:
+                    break
+                found = mujoco.mj_geomDistance(model, data, int(a[i]), int(b[i]), out[k], None)
+                out[k] = min(out[k], found)
+    return out
 
 
 def _pairs(model: mujoco.MjModel, solid: list[int]) -> np.ndarray:

@@ -13,11 +13,14 @@ from snakegen.control.frame import cog_frame
 from snakegen.geometry import Floats
 from snakegen.kernels.control_types import VIRTUAL
 from snakegen.kernels.fully_actuated import wrench_jacobian
+from snakegen.kernels.history import maps_history
 from snakegen.kernels.spd import least_singular_value
 from snakegen.kernels.underactuated import level_axes, rotor_map, truncated
 from snakegen.kernels.vectoring import joint_order
 from snakegen.robot import Robot
 from snakegen.verify.plan import Plan
+
+States = tuple[Floats, Floats, Floats]  # base attitude (m, 3, 3), position (m, 3), angles (m, n-1)
 
 
 def lost_rotors(plan: Plan, time: float) -> tuple[int, ...]:
@@ -27,9 +30,9 @@ def lost_rotors(plan: Plan, time: float) -> tuple[int, ...]:
 
 
 def margins_along(
-    robot: Robot, controller: Controller, plan: Plan, rows: Any, q: Floats
+    robot: Robot, controller: Controller, plan: Plan, rows: Any, states: States
 ) -> dict[str, Floats]:
-    """Returns margins (m,) at ticks `rows` of a plan with configurations q (m, nq).
+    """Returns margins (m,) at ticks `rows` of a plan, where the robot was as `states` say.
 
     Gimbals are taken as they are. Virtual single rotor: wrench, force [N] and torque [N m]
     margins; dual rotor: the wrench margin of ``[f_z; τ]``, force and torque undefined (NaN).
@@ -40,23 +43,25 @@ def margins_along(
         key = int(modes[k]), lost_rotors(plan, float(plan.time[k]))
         groups.setdefault(key, []).append(i)
     out: dict[str, Floats] = {}
+    maps = maps_history(robot.tree, robot.rotors, robot.gimbals, *states)
+    hover = np.zeros((len(rows), 6))
+    hover[:, :3] = robot.force_scale * states[0][:, 2]
     for (mode, lost), members in groups.items():
         left = controller.without(lost) if lost else controller
-        for name, values in _margins(robot, left, mode, q[members]).items():
-            out.setdefault(name, np.full(len(q), np.nan))[members] = values
+        found = _margins(robot, left, mode, maps[0][members], maps[1][members], hover[members])
+        for name, values in found.items():
+            out.setdefault(name, np.full(len(rows), np.nan))[members] = values
     return out
 
 
-def _margins(robot: Robot, controller: Controller, mode: int, q: Floats) -> dict[str, Floats]:
-    """Returns the margins of a mode with a controller's limits at rows of q."""
-    from snakegen.analysis.allocation import allocation
+def _margins(
+    robot: Robot, controller: Controller, mode: int, points: Floats, dual: Floats, hover: Floats
+) -> dict[str, Floats]:
+    """Returns the margins of a mode with a controller's limits, row by row."""
     from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
 
-    at = [allocation(robot, row) for row in q]
-    hover = np.array([a.hover_wrench for a in at])
     scales: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
     if mode == VIRTUAL:
-        points = np.array([a.thrust_points for a in at])
         limit = controller.gimbals.limit
         m: Any = vectored_margins(points, limit, hover, tolerance=1e-2, **scales)
         return {
@@ -65,7 +70,6 @@ def _margins(robot: Robot, controller: Controller, mode: int, q: Floats) -> dict
             "torque_margin": m.torque_bounds[:, 0],
         }
     rotors = controller.rotors
-    dual = np.array([a.dual for a in at])
     m = thrust_margins(dual, rotors.thrust_min, rotors.thrust_max, hover, **scales)
     return {"wrench_margin": m.attitude_altitude}
 
@@ -74,7 +78,7 @@ def true_sigma_min(
     controller: Controller,
     plan: Plan,
     told: Floats,
-    states: tuple[Floats, Floats, Floats],
+    states: States,
     thrust: Floats,
     gimbals: Floats,
 ) -> Floats:
@@ -84,7 +88,7 @@ def true_sigma_min(
         controller: before any failure.
         plan: with its failures.
         told: (T,) of the controller, which still counts them.
-        states: base attitude (T, 3, 3) and position (T, 3), joint angles (T, n-1).
+        states: as they were, T rows.
         thrust: (T, r) N, asked of the rotors.
         gimbals: (T, Ñ, 2) rad, asked.
     """

@@ -12,7 +12,7 @@ from snakegen.kernels.history import cog_history, quaternions, rotations_of
 from snakegen.robot import Robot
 from snakegen.verify.clearance import clearances
 from snakegen.verify.loop import Flown, rotation_of
-from snakegen.verify.margins_along import margins_along, true_sigma_min
+from snakegen.verify.margins_along import States, margins_along, true_sigma_min
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import AIR, FIGURE_OF_MERIT
 from snakegen.verify.recording import Channel, Event, Recording, channel
@@ -77,7 +77,7 @@ def record(
         dt = float(time[1] - time[0]) if n > 1 else 1.0
         asked = flown.command[:, world.servos]
         channels |= elastic_channels(world, flown.qpos, flown.qvel, asked, dt)
-    channels |= _slow(world, controller if margins else None, plan, flown, q)
+    channels |= _slow(world, controller if margins else None, plan, flown)
     events = tuple(Event(*e) for e in flown.events)
     return Recording(time, channels, events, _meta(robot, world, meta))
 
@@ -103,17 +103,16 @@ def _motion(
     world: World, controller: Controller, flown: Flown
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Returns true CoG position, velocity, attitude and rate along the run."""
-    rotation = rotations_of(np.ascontiguousarray(flown.qpos[:, 3:7]))
-    law = controller.law
+    law, (rotation, position, angles) = controller.law, _states(world, flown.qpos)
     out = cog_history(
         world.robot.tree,
         law.axes_body,
         law.axes_rotation,
         rotation,
-        np.ascontiguousarray(flown.qpos[:, :3]),
+        position,
         np.ascontiguousarray(flown.qvel[:, :3]),
         np.einsum("tij,tj->ti", rotation, flown.qvel[:, 3:6]),
-        np.ascontiguousarray(flown.qpos[:, world.qpos]),
+        angles,
         np.ascontiguousarray(flown.qvel[:, world.qvel]),
     )
     return out[0], out[1], out[2], out[3]
@@ -132,23 +131,28 @@ def _link_place(world: World, plan: Plan, flown: Flown) -> Floats:
     return out
 
 
+def _states(world: World, qpos: Floats) -> States:
+    """Returns base attitudes, positions and joint angles of rows of qpos."""
+    return (
+        rotations_of(np.ascontiguousarray(qpos[:, 3:7])),
+        np.ascontiguousarray(qpos[:, :3]),
+        np.ascontiguousarray(qpos[:, world.qpos]),
+    )
+
+
 def _sigma_min(world: World, plan: Plan, controller: Controller, flown: Flown) -> Floats:
     """Returns the controller's σ_min (T,), less the rotors that it does not know to be lost."""
     if not plan.failures:
         return flown.sigma_min
     command = flown.command[:, np.maximum(world.gimbals, 0)]
-    states = (
-        rotations_of(np.ascontiguousarray(flown.qpos[:, 3:7])),
-        flown.qpos[:, :3],
-        flown.qpos[:, world.qpos],
-    )
     gimbals = np.where(world.gimbals >= 0, command, 0.0)
     thrust = flown.command[:, world.rotors]
-    return true_sigma_min(controller, plan, flown.sigma_min, states, thrust, gimbals)
+    told, states = flown.sigma_min, _states(world, flown.qpos)
+    return true_sigma_min(controller, plan, told, states, thrust, gimbals)
 
 
 def _slow(
-    world: World, controller: Controller | None, plan: Plan, flown: Flown, q: Floats
+    world: World, controller: Controller | None, plan: Plan, flown: Flown
 ) -> dict[str, Channel]:
     """Returns margins of the modes flown (no controller: none) and clearances, at 10 Hz."""
     step = max(1, round(SLOW / (plan.time[1] - plan.time[0]))) if len(plan.time) > 1 else 1
@@ -157,7 +161,7 @@ def _slow(
     out = {}
     found = {}
     if controller is not None:
-        found = margins_along(world.robot, controller, plan, rows, q[rows])
+        found = margins_along(world.robot, controller, plan, rows, _states(world, flown.qpos[rows]))
     for name, values in found.items():
         out[name] = channel(name, values, time=time)
     floor, own, obstacle = clearances(world, flown.qpos[rows])
