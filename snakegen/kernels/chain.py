@@ -8,13 +8,14 @@ from math import cos, sin
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import cross_into, matmul_into, turn_back_into, turn_into
 from snakegen.kernels.tree import Floats, Tree
 from snakegen.kernels.triples import Three, read, turn
 
 
-@jit
+@bare
 def forward_into(
     tree: Tree,
     base_rotation: Floats,
@@ -75,7 +76,7 @@ def forward(
     return rotation, position
 
 
-@jit
+@bare
 def weigh(tree: Tree, rotation: Floats, position: Floats) -> tuple[float, Three]:
     """Returns the mass [kg] and the CoG [m, world] of bodies at the given poses."""
     mass, com = tree.mass, tree.com

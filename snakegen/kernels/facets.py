@@ -9,6 +9,7 @@ once) the margins of THEORY A4 are slack/‖d‖ (wrench), slack/‖d_f‖ (forc
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
 from snakegen.kernels.jit import jit
 
 FAST = {"reassoc", "contract", "nsz", "arcp"}
@@ -18,9 +19,15 @@ INSIDE = 1e-12  # of h(d): how far outside a facet rounding alone can put a poin
 FIRST = 1.0 - 1e-11  # of margin²: where facets tie by symmetry the first is kept
 
 
-@jit(fastmath=FAST)
-def score(slack, height, d, squared, normals):
-    """Takes one facet into `squared` (3,), the smallest margins², and their `normals` (3, 6).
+@jit(inline="always")
+def _note(stack, at, n, p, q, normals, k):
+    for c in range(6):
+        normals[k, c] = p * stack[at, 1, n + 2 + c] - q * stack[at, 0, n + 2 + c]
+
+
+@bare(fastmath=FAST)
+def _score(slack, height, stack, at, n, p, q, squared, normals):
+    """Takes the facet of normal ``p row_1 - q row_0`` into `squared` (3,) and `normals` (3, 6).
 
     Returns False where the point lies outside the facet; margins are squared to spare divisions.
     """
@@ -28,23 +35,26 @@ def score(slack, height, d, squared, normals):
         if slack < -INSIDE * height:
             return False
         slack = 0.0
-    force = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-    torque = d[3] * d[3] + d[4] * d[4] + d[5] * d[5]
-    both = force + torque
-    gap = slack * slack
+    force, torque = 0.0, 0.0
+    for c in range(3):
+        x = p * stack[at, 1, n + 2 + c] - q * stack[at, 0, n + 2 + c]
+        w = p * stack[at, 1, n + 5 + c] - q * stack[at, 0, n + 5 + c]
+        force += x * x
+        torque += w * w
+    both, gap = force + torque, slack * slack
     if gap < FIRST * squared[0] * both:
         squared[0] = gap / both
-        normals[0] = d
+        _note(stack, at, n, p, q, normals, 0)
     if gap < FIRST * squared[1] * force and force > FLAT * torque:
         squared[1] = gap / force
-        normals[1] = d
+        _note(stack, at, n, p, q, normals, 1)
     if gap < FIRST * squared[2] * torque and torque > FLAT * force:
         squared[2] = gap / torque
-        normals[2] = d
+        _note(stack, at, n, p, q, normals, 2)
     return True
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def _shoot(slack, along, toward, span):
     """Cuts `span` (2,), the t with ``y + t u`` between the facet and its opposite."""
     if abs(toward) > 1e-14:
@@ -57,46 +67,53 @@ def _shoot(slack, along, toward, span):
         span[0], span[1] = 1.0, 0.0
 
 
-@jit(fastmath=FAST)
-def _leaf(rows, start, n, sizes, squared, normals, span, shoot):
-    """Facets from two remaining rows and the columns from `start` on; False where outside."""
-    d = np.empty(6)
+@bare(fastmath=FAST)
+def _width(stack, at, n, p, q):
+    """Returns ``Σ |p row_1 - q row_0|`` over the columns."""
+    total = 0.0
+    for i in range(n):
+        total += abs(p * stack[at, 1, i] - q * stack[at, 0, i])
+    return total
+
+
+@bare(fastmath=FAST)
+def _leaf(stack, at, start, n, sizes, squared, normals, span, shoot):
+    """Facets of the two rows of ``stack[at]`` and columns from `start` on; False where outside."""
     for j in range(start, n):
-        p, q = rows[0, j], rows[1, j]
+        p, q = stack[at, 0, j], stack[at, 1, j]
         if p * p + q * q <= (DEPENDENT * sizes[j]) ** 2:
             continue
-        height = 0.0
-        for i in range(n):
-            height += abs(p * rows[1, i] - q * rows[0, i])
-        along = p * rows[1, n] - q * rows[0, n]
+        height = _width(stack, at, n, p, q)
+        along = p * stack[at, 1, n] - q * stack[at, 0, n]
         if along < 0.0:  # of the facet and its opposite, the one that y is nearer to
             p, q, along = -p, -q, -along
-        for c in range(6):
-            d[c] = p * rows[1, n + 2 + c] - q * rows[0, n + 2 + c]
         if shoot:
-            length = np.sqrt(d @ d)
-            toward = p * rows[1, n + 1] - q * rows[0, n + 1]
-            _shoot((0.5 * height - along) / length, along / length, toward / length, span)
-        elif not score(0.5 * height - along, height, d, squared, normals):
+            square = 0.0
+            for c in range(6):
+                square += (p * stack[at, 1, n + 2 + c] - q * stack[at, 0, n + 2 + c]) ** 2
+            unit = 1.0 / np.sqrt(square)
+            toward = p * stack[at, 1, n + 1] - q * stack[at, 0, n + 1]
+            _shoot((0.5 * height - along) * unit, along * unit, toward * unit, span)
+        elif not _score(0.5 * height - along, height, stack, at, n, p, q, squared, normals):
             return False
     return True
 
 
-@jit(fastmath=FAST)
-def _eliminate(above, below, k, n, column, size):
-    """Writes the `k` rows `above`, freed of `column`, to the k - 1 rows `below`."""
+@bare(fastmath=FAST)
+def _eliminate(stack, at, k, n, column, size):
+    """Writes the k rows of ``stack[at]``, freed of `column`, to the k - 1 rows of the next."""
     pivot, largest = 0, 0.0
     for i in range(k):
-        if abs(above[i, column]) > largest:
-            pivot, largest = i, abs(above[i, column])
+        if abs(stack[at, i, column]) > largest:
+            pivot, largest = i, abs(stack[at, i, column])
     if largest <= DEPENDENT * size:
         return False
-    to = 0
+    to, inverse = 0, 1.0 / stack[at, pivot, column]
     for i in range(k):
         if i != pivot:
-            factor = above[i, column] / above[pivot, column]
+            factor = stack[at, i, column] * inverse
             for j in range(n + 8):
-                below[to, j] = above[i, j] - factor * above[pivot, j]
+                stack[at + 1, to, j] = stack[at, i, j] - factor * stack[at, pivot, j]
             to += 1
     return True
 
@@ -121,11 +138,12 @@ def tree(rows, r, n, stack, sizes, squared, normals, span, shoot):
         if shoot:
             _shoot(slack, rows[0, n], rows[0, n + 1], span)
             return True
-        sign = -1.0 if rows[0, n] < 0.0 else 1.0
-        return score(slack, height, sign * rows[0, n + 2 : n + 8], squared, normals)
+        stack[0, 1, : n + 8] = 0.0
+        sign = 1.0 if rows[0, n] < 0.0 else -1.0
+        return _score(slack, height, stack, 0, n, 0.0, sign, squared, normals)
     last = r - 2
     if last == 0:
-        return _leaf(stack[0], 0, n, sizes, squared, normals, span, shoot)
+        return _leaf(stack, 0, 0, n, sizes, squared, normals, span, shoot)
     chosen = np.full(6, -1)
     depth = 0
     while depth >= 0:
@@ -134,11 +152,11 @@ def tree(rows, r, n, stack, sizes, squared, normals, span, shoot):
         if j > n - (r - 1 - depth):
             depth -= 1
             continue
-        if not _eliminate(stack[depth], stack[depth + 1], r - depth, n, j, sizes[j]):
+        if not _eliminate(stack, depth, r - depth, n, j, sizes[j]):
             continue
         if depth + 1 < last:
             depth += 1
             chosen[depth] = j
-        elif not _leaf(stack[last], j + 1, n, sizes, squared, normals, span, shoot):
+        elif not _leaf(stack, last, j + 1, n, sizes, squared, normals, span, shoot):
             return False
     return True

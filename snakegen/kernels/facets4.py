@@ -6,13 +6,13 @@ dependent and would lose digits both enumerations give up; the tree of `facets` 
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
 from snakegen.kernels.facets import FAST, FIRST, FLAT, INSIDE
-from snakegen.kernels.jit import jit
 
 GREY = 1e-5  # normals below this share of their columns' volume (but not zero) lose digits
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def _pair(a, i, j):
     """Returns the six 2×2 minors of columns i, j of `a` (4, …)."""
     return (
@@ -25,7 +25,7 @@ def _pair(a, i, j):
     )
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def _cross4(m, a, k):
     """Returns the generalised cross product of the pair with minors m and column k of `a`."""
     x, y, z, w = a[0, k], a[1, k], a[2, k], a[3, k]
@@ -37,7 +37,7 @@ def _cross4(m, a, k):
     )
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def _width(a, n, d):
     """Returns ``Σ |d·a_l|`` over the first n columns of `a` (4, …)."""
     total = 0.0
@@ -46,13 +46,13 @@ def _width(a, n, d):
     return total
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def _sizes(a, n, sizes):
     for k in range(n):
         sizes[k] = np.sqrt(a[0, k] ** 2 + a[1, k] ** 2 + a[2, k] ** 2 + a[3, k] ** 2)
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def _dull(square, size):
     """Tells of a normal of length² `square` from columns of volume `size`: 0 good, 1 none, 2 bad.
 
@@ -64,7 +64,7 @@ def _dull(square, size):
     return 1 if square < 1e-12 * whole else 2
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def four(a, y, squared, normals, sizes):
     """Facets of a full set `a` (4, n), wrench margin alone; returns as `gale` does."""
     n, least = a.shape[1], np.inf
@@ -96,7 +96,7 @@ def four(a, y, squared, normals, sizes):
     return 1
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def _lifted(rows, n, d):
     """Returns |d_f|² and |d_τ|² of the normal d, given in a basis that `rows` carry."""
     force, torque = 0.0, 0.0
@@ -109,7 +109,7 @@ def _lifted(rows, n, d):
     return force, torque
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def _note(rows, n, d, out):
     """Writes the normal d to `out` (6,) in the coordinates that `rows` carry, on the side of y."""
     along = d[0] * rows[0, n] + d[1] * rows[1, n] + d[2] * rows[2, n] + d[3] * rows[3, n]
@@ -120,7 +120,7 @@ def _note(rows, n, d, out):
         out[c] *= sign
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def four_within(rows, n, squared, normals, sizes):
     """All margins of a full set in a 4-D subspace, `rows` as in `facets`; result as of `gale`."""
     none = (0.0, 0.0, 0.0, 0.0)

@@ -6,8 +6,8 @@ dependent and would lose digits this gives up; then the tree of `facets` takes o
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
 from snakegen.kernels.facets import FAST, FIRST, FLAT, INSIDE
-from snakegen.kernels.jit import jit
 
 GREY = 1e-5  # triples below this share (but not zero) lose digits
 NULL, MINOR = 112, 152  # where the null space and its minors stand in `ins`
@@ -27,7 +27,7 @@ def _triples():
 TRIPLES = _triples()
 
 
-@jit
+@bare
 def invert_basis(a, table, order):
     """Inverts the best-conditioned square part of `a` (r, n) by full-pivot Gauss-Jordan.
 
@@ -69,7 +69,7 @@ def invert_basis(a, table, order):
     return 1.0 / np.sqrt(size * total)
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def _dual(table, order, y, ins):
     """Fills `ins` (236,), every row of eight repeated so that it can be read from any start.
 
@@ -108,7 +108,7 @@ def _dual(table, order, y, ins):
     return largest * largest
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def _orbits(ins, out, grey):
     """Writes margin² of wrench, force and torque of all 56 facets to `out` (3·56).
 
@@ -142,7 +142,7 @@ def _orbits(ins, out, grey):
     return outside, dull
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def gale(table, order, y, squared, normals, ins, out):
     """Facets of rank 6 with 8 columns, from `invert_basis`; 1 done, 0 outside, -1 ask the tree.
 
@@ -172,7 +172,7 @@ def gale(table, order, y, squared, normals, ins, out):
     return 1
 
 
-@jit(fastmath=FAST)
+@bare(fastmath=FAST)
 def _normal6(ins, m, out):
     """Writes the normal (6,) of the facet that leaves triple m (none: -1), on the side of y."""
     if m < 0:

@@ -5,11 +5,11 @@ Functions ending in `_into` write to their last argument, which must not be one 
 
 from math import cos, sin
 
-from snakegen.kernels.jit import jit
+from snakegen.kernels.bare import bare
 from snakegen.kernels.tree import Floats
 
 
-@jit
+@bare
 def matmul_into(a: Floats, b: Floats, out: Floats) -> None:
     """Writes ``a @ b`` of two (3, 3) matrices."""
     for i in range(3):
@@ -17,21 +17,21 @@ def matmul_into(a: Floats, b: Floats, out: Floats) -> None:
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
-@jit
+@bare
 def turn_into(a: Floats, v: Floats, out: Floats) -> None:
     """Writes ``a @ v`` of a (3, 3) matrix and a (3,) vector."""
     for i in range(3):
         out[i] = a[i, 0] * v[0] + a[i, 1] * v[1] + a[i, 2] * v[2]
 
 
-@jit
+@bare
 def turn_back_into(a: Floats, v: Floats, out: Floats) -> None:
     """Writes ``a.T @ v`` of a (3, 3) matrix and a (3,) vector."""
     for i in range(3):
         out[i] = a[0, i] * v[0] + a[1, i] * v[1] + a[2, i] * v[2]
 
 
-@jit
+@bare
 def cross_into(a: Floats, b: Floats, out: Floats) -> None:
     """Writes ``a × b`` of two (3,) vectors."""
     out[0] = a[1] * b[2] - a[2] * b[1]
@@ -39,13 +39,13 @@ def cross_into(a: Floats, b: Floats, out: Floats) -> None:
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@jit
+@bare
 def dot(a: Floats, b: Floats) -> float:
     """Returns ``a · b`` of two (3,) vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@jit
+@bare
 def rotation_into(axis: Floats, angle: float, out: Floats) -> None:
     """Writes the rotation about the unit `axis` by `angle` [rad] (Rodrigues)."""
     c, s = cos(angle), sin(angle)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
 from snakegen.kernels.chain import forward_into, weigh
 from snakegen.kernels.jit import jit
 from snakegen.kernels.tree import Floats, Gimbals, Ints, Rotors, Tree
@@ -76,7 +77,7 @@ def hover_postures(
                 write(spine[s, i], e, 0, _placed(bodies[i], ends[i], e, rotation, position))
 
 
-@jit
+@bare
 def _placed(body: int, places: Floats, row: int, rotation: Floats, position: Floats) -> Three:
     """Returns the world place [m] of a row of `places` (…, 3), given in the frame of `body`."""
     return plus(read(position, body, 0), turn(rotation, body, read(places, row, 0)))
@@ -126,7 +127,7 @@ def _point_up(
         angles[second - 1] = found[1]
 
 
-@jit
+@bare
 def segment_distance(a: Floats, b: Floats, c: Floats, d: Floats) -> float:
     """Returns the least distance [m] between segments a–b and c–d (Ericson's clamped form)."""
     uu = uv = vv = ur = vr = 0.0
@@ -152,7 +153,7 @@ def segment_distance(a: Floats, b: Floats, c: Floats, d: Floats) -> float:
     return float(np.sqrt(total))
 
 
-@jit
+@bare
 def self_distances(
     spine: Floats,
     discs: Floats,

@@ -8,6 +8,7 @@ no whitening, as the polytope takes their shape.
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
 from snakegen.kernels.jit import jit
 from snakegen.kernels.slice_support import support, torque_start
 from snakegen.kernels.triples import cross, inner, minus, plus, read, times, write
@@ -15,13 +16,13 @@ from snakegen.kernels.triples import cross, inner, minus, plus, read, times, wri
 POINTS = 400  # then the search says that it did not close
 
 
-@jit
+@bare
 def _between(points, i, j):
     """Returns the vector from point i to point j."""
     return points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
 
 
-@jit
+@bare
 def _facet(points, i, j, k, facets, planes, at):
     """Stores the facet of three points in row `at`: unit normal and offset (4,) of its plane."""
     facets[at, 0], facets[at, 1], facets[at, 2] = i, j, k
@@ -71,7 +72,7 @@ def simplex(points, count, facets, planes):
     return 4, first, second, third, fourth
 
 
-@jit
+@bare
 def insert(points, new, facets, planes, count, edges, slack):
     """Adds point `new`: its visible facets give way to a fan.
 
@@ -110,7 +111,7 @@ def insert(points, new, facets, planes, count, edges, slack):
     return kept, weakest
 
 
-@jit
+@bare
 def _guess(directions, multipliers, facet, e):
     """Returns the multiplier along `e`, interpolated in its facet (it is homogeneous in e)."""
     i, j, k = facet
@@ -127,14 +128,14 @@ def _guess(directions, multipliers, facet, e):
     return plus(plus(times(a, u), times(b, v)), times(c, w))
 
 
-@jit
+@bare
 def _note(worst, e, z, torque):
     """Writes the twist (6,) of direction e and multiplier z."""
     for k in range(3):
         worst[k], worst[3 + k] = (z[k], e[k]) if torque else (e[k], z[k])
 
 
-@jit
+@bare
 def _keep(points, directions, multipliers, at, point, e, z):
     """Stores what one support call found in row `at`."""
     write(points, at, 0, point)

@@ -16,21 +16,21 @@ half (xx, xy, xz, yy, yz, zz).
 
 import numpy as np
 
-from snakegen.kernels.jit import jit
+from snakegen.kernels.bare import bare
 from snakegen.kernels.triples import cross, inner, plus, read, times
 
 BALANCED = 1e-10  # residual of the held wrench, in units of the largest forces
 LOOSE = {"contract", "nsz", "arcp"}
 
 
-@jit(fastmath=LOOSE)
+@bare(fastmath=LOOSE)
 def _reach(e, z, torque, p, j):
     """Returns r_j = v + ω × p_j."""
     at = read(p, j, 0)
     return plus(z, cross(e, at)) if torque else plus(e, cross(z, at))
 
 
-@jit(fastmath=LOOSE)
+@bare(fastmath=LOOSE)
 def _offset(e, z, torque, hover):
     """Returns v·f0 + ω·τ0."""
     first = hover[0] * e[0] + hover[1] * e[1] + hover[2] * e[2]
@@ -40,7 +40,7 @@ def _offset(e, z, torque, hover):
     return first + hover[3] * z[0] + hover[4] * z[1] + hover[5] * z[2]
 
 
-@jit(fastmath=LOOSE)
+@bare(fastmath=LOOSE)
 def _force_terms(e, z, p, limit, hover, smooth):
     """Returns objective, gradient and Hessian in z of the force slice, norms ``√(r² + ε²)``."""
     total = -_offset(e, z, False, hover)
@@ -69,7 +69,7 @@ def _force_terms(e, z, p, limit, hover, smooth):
     return total, (gx, gy, gz), (xx, xy, xz, yy, yz, zz)
 
 
-@jit(fastmath=LOOSE)
+@bare(fastmath=LOOSE)
 def _torque_terms(e, z, p, limit, hover, smooth):
     """Returns objective, gradient and Hessian in z of the torque slice, norms ``√(r² + ε²)``."""
     total = -_offset(e, z, True, hover)
@@ -97,14 +97,14 @@ def _torque_terms(e, z, p, limit, hover, smooth):
     return total, (gx, gy, gz), (xx, xy, xz, yy, yz, zz)
 
 
-@jit(fastmath=LOOSE)
+@bare(fastmath=LOOSE)
 def _terms(e, z, torque, p, limit, hover, smooth):
     if torque:
         return _torque_terms(e, z, p, limit, hover, smooth)
     return _force_terms(e, z, p, limit, hover, smooth)
 
 
-@jit
+@bare
 def _solve(h, g):
     """Returns ``-H⁻¹ g`` by Cramer's rule, H lightly damped."""
     damp = 1e-13 * (h[0] + h[3] + h[5]) + 1e-300
@@ -118,7 +118,7 @@ def _solve(h, g):
     )
 
 
-@jit(fastmath=LOOSE)
+@bare(fastmath=LOOSE)
 def _kink(e, z, p, limit, hover):
     """Weber's vertex test (torque slice) at the apparatus nearest to the twist axis.
 
@@ -150,7 +150,7 @@ def _kink(e, z, p, limit, hover):
     return True, v, upper, plus(point, cross(times(on, 1.0 / room), rest))
 
 
-@jit
+@bare
 def _newton(e, z, torque, p, limit, hover, smooth, steps):
     """Newton's method with halved steps from z; returns (1 balanced, 2 by a kink, 0 neither; z)."""
     now, g, h = _terms(e, z, torque, p, limit, hover, smooth)
@@ -177,7 +177,7 @@ def _newton(e, z, torque, p, limit, hover, smooth, steps):
     return 0, z
 
 
-@jit
+@bare
 def _rounded(e, z, torque, p, limit, hover):
     """Approaches a kink through norms ever less rounded; returns (state, z, last rounding)."""
     smooth, shrink, reached, best, state = 0.1, 0.1, 0.1, z, 0
@@ -196,7 +196,7 @@ def _rounded(e, z, torque, p, limit, hover):
     return state, best, reached
 
 
-@jit(fastmath=LOOSE)
+@bare(fastmath=LOOSE)
 def _reached(e, z, torque, p, limit, hover, smooth):
     """Returns (upper, point): the objective at z, and where forces along the rounded r_j lead."""
     upper = -_offset(e, z, torque, hover)
@@ -211,7 +211,7 @@ def _reached(e, z, torque, p, limit, hover, smooth):
     return upper, point
 
 
-@jit(fastmath=LOOSE)
+@bare(fastmath=LOOSE)
 def torque_start(e, p, limit, hover):
     """Returns a start for the torque slice: the minimum, were all p_j × e as far from their mean.
 
@@ -229,7 +229,7 @@ def torque_start(e, p, limit, hover):
     return plus(middle, times(f, np.sqrt(spread / max(1.0 - inner(f, f), 1e-3))))
 
 
-@jit
+@bare
 def support(e, z, torque, p, limit, hover):
     """Bounds g along the unit `e`; returns (upper, lower, balanced, z, point).
 

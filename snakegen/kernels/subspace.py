@@ -6,6 +6,7 @@ there a pivoted Gram-Schmidt process proves the rank at a fraction of the SVD's 
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
 from snakegen.kernels.jit import jit
 
 RANK_TOLERANCE = 1e-6  # of σ_1, THEORY A3
@@ -14,7 +15,7 @@ NOTHING = 1e-14  # of the largest column: what is left of columns that depend on
 AMPLE = 50.0  # times √n: a last pivot overstates σ_r / σ_1 by at most √(4⁶ + 35) / 3 · √n, r ≤ 6
 
 
-@jit
+@bare
 def _project(columns, k, basis, r):
     """Takes the first r columns of `basis` (d, d) out of column k, twice against rounding."""
     d = basis.shape[0]
@@ -27,7 +28,7 @@ def _project(columns, k, basis, r):
                 columns[c, k] -= along * basis[c, i]
 
 
-@jit
+@bare
 def _longest(columns):
     """Returns the index and the length of the longest column."""
     at, largest = 0, -1.0
@@ -40,7 +41,7 @@ def _longest(columns):
     return at, np.sqrt(largest)
 
 
-@jit
+@bare
 def _append(columns, k, basis, r):
     """Makes column k column r of `basis`, unit length, and takes it out of all the others."""
     d, n = columns.shape
@@ -101,7 +102,7 @@ def subspace(a, tolerance):
     return np.ascontiguousarray(whole[:, :r]), np.ascontiguousarray(whole[:, r:])
 
 
-@jit
+@bare
 def lost_direction(lost, first, last, out):
     """Writes to `out` (6,) the lost direction that is nearest to one of the axes first…last-1.
 

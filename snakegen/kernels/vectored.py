@@ -6,6 +6,7 @@ Everything here is scaled: forces by F0, lengths by T0/F0; the set is
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
 from snakegen.kernels.gale import invert_basis
 from snakegen.kernels.jit import jit
 from snakegen.kernels.sandwich import radius, work_space
@@ -30,7 +31,7 @@ def columns(p, limit):
     return a
 
 
-@jit
+@bare
 def _full_rank(p, limit, gram, table, order):
     """True where a bound of σ_6/σ_1 shows rank 6; False leaves the question to the exact test."""
     gram[:] = 0.0
@@ -55,7 +56,7 @@ def _full_rank(p, limit, gram, table, order):
     return invert_basis(gram, table, order) > SAFE
 
 
-@jit
+@bare
 def _first_axis(frame, x, y, z):
     """Fills `frame` (3, 3) with orthonormal rows, the first along (x, y, z)."""
     size = np.sqrt(x * x + y * y + z * z)

@@ -7,6 +7,7 @@ along u at p and drags its body by c per newton, c = -κ s: ``w = [u; p × u + c
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
 from snakegen.kernels.chain import centre_of_gravity
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import cross_into, turn_back_into, turn_into
@@ -60,7 +61,7 @@ def dual_map(rotors: Rotors, points: Floats, directions: Floats) -> Floats:
     return q
 
 
-@jit
+@bare
 def dual_into(
     rotors: Rotors, rotation: Floats, position: Floats, cog: Three, axes: Floats, q: Floats
 ) -> None:

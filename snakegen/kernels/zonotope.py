@@ -6,6 +6,7 @@ its own subspace, a hover outside it by `nearest`. Definitions: THEORY A4.
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
 from snakegen.kernels.facets import tree
 from snakegen.kernels.facets4 import four, four_within
 from snakegen.kernels.gale import gale, invert_basis
@@ -16,7 +17,7 @@ from snakegen.kernels.subspace import OFF, RANK_TOLERANCE, lost_direction, subsp
 THIN = 1e-9  # of σ_1: a ray sees a set this thin as it is, though its rank counts as less
 
 
-@jit
+@bare
 def _fill(rows, a, y, basis):
     """Writes ``basisᵀ [a | y | 0 | E]`` to `rows`, six columns kept for the normal."""
     d, n = a.shape
@@ -112,35 +113,35 @@ def _by_tree(a, y, squared, normals, spare):
     return int(tree(rows, a.shape[0], a.shape[1], stack, sizes, squared, normals, span, False))
 
 
-@jit
-def _six(a, y, margin, normals, squared, table, order, ins, out, spare):
-    """Margins (3,) and normals (3, 6) of one scaled set `a` (6, n) about `y`; returns the rank."""
-    n = a.shape[1]
+@bare
+def _six(a, y, margin, normals, squared, table, order, ins, out):
+    """The common case of full rank, quickly: margins (3,) and normals (3, 6) of `a` (6, n) about y.
+
+    Returns 1 done, 0 where y lies outside, -1 where the facets need the tree, -2 where the rank
+    may be lower.
+    """
     _clear(margin, normals, squared)
-    if n < 6 or invert_basis(a, table, order) <= RANK_TOLERANCE:
-        return _within(a, y, margin, normals, squared, spare)
-    state = gale(table, order, y, squared, normals, ins, out) if n == 8 else -1
-    if state < 0:
-        state = _by_tree(a, y, squared, normals, spare)
-    _finish(state, a, y, margin, normals, squared)
-    return 6
+    if a.shape[1] < 6 or invert_basis(a, table, order) <= RANK_TOLERANCE:
+        return -2
+    if a.shape[1] != 8:
+        return -1
+    state = gale(table, order, y, squared, normals, ins, out)
+    _roots(margin, squared)
+    return state
 
 
-@jit
-def _four(a, y, known, margin, normals, squared, table, order, spare):
+@bare
+def _four(a, y, known, margin, normals, squared, table, order, sizes):
     """As `_six` for `a` (4, n), the wrench margin alone; `known` says that its rank is full."""
-    n = a.shape[1]
     _clear(margin, normals, squared)
-    if not known and (n < 4 or invert_basis(a, table, order) <= RANK_TOLERANCE):
-        _within(a, y, margin, normals, squared, spare)
-        return
-    state = four(a, y, squared, normals, spare[2])
-    if state < 0:
-        state = _by_tree(a, y, squared, normals, spare)
-    _finish(state, a, y, margin, normals, squared)
+    if not known and (a.shape[1] < 4 or invert_basis(a, table, order) <= RANK_TOLERANCE):
+        return -2
+    state = four(a, y, squared, normals, sizes)
+    _roots(margin, squared)
+    return state
 
 
-@jit
+@bare
 def _clear(margin, normals, squared):
     for i in range(3):
         squared[i], margin[i] = np.inf, np.nan
@@ -148,15 +149,25 @@ def _clear(margin, normals, squared):
             normals[i, c] = 0.0
 
 
+@bare
+def _roots(margin, squared):
+    for i in range(3):
+        margin[i] = np.sqrt(squared[i])
+
+
 @jit
-def _finish(state, a, y, margin, normals, squared):
-    """Takes the roots of `squared`, or the distance where y was found outside."""
-    if state == 1:
-        for i in range(3):
-            margin[i] = np.sqrt(squared[i])
-    else:
-        normals[:] = 0.0
-        _outside(a, y, margin, normals)
+def _slowly(state, a, y, margin, normals, squared, spare):
+    """Finishes what `_six` or `_four` left with `state` below 1; returns the rank."""
+    d = a.shape[0]
+    _clear(margin, normals, squared)
+    if state == -2:
+        return _within(a, y, margin, normals, squared, spare)
+    if state == -1 and _by_tree(a, y, squared, normals, spare) == 1:
+        _roots(margin, squared)
+        return d
+    _clear(margin, normals, squared)
+    _outside(a, y, margin, normals)
+    return d
 
 
 @jit
@@ -165,7 +176,7 @@ def spare_space(n):
     return np.zeros((6, n + 8)), np.zeros((6, 6, n + 8)), np.zeros(n), np.zeros(2)
 
 
-@jit
+@bare
 def scaled_set(q, half, middle, hover, scale, a, y):
     """Writes the scaled columns (6, n) of full width and the hover seen from their centre (6,)."""
     n = half.size
@@ -185,7 +196,7 @@ def batch(q, half, middle, hover, scale, margins, normals, ranks):
     hover is infeasible the first is minus the distance and force and torque are nan.
     """
     n = q.shape[2]
-    a, y, a4 = np.empty((6, n)), np.empty(6), np.empty((4, n))
+    a, y, a4, y4 = np.empty((6, n)), np.empty(6), np.empty((4, n)), np.empty(4)
     margin, normal, squared = np.empty(3), np.empty((3, 6)), np.empty(3)
     table, order, ins, out = (
         np.empty((6, n + 6)),
@@ -196,16 +207,21 @@ def batch(q, half, middle, hover, scale, margins, normals, ranks):
     table4, order4, spare = np.empty((4, n + 4)), np.empty(4, np.int64), spare_space(n)
     for i in range(q.shape[0]):
         scaled_set(q[i], half, middle, hover[i], scale, a, y)
-        ranks[i] = _six(a, y, margin, normal, squared, table, order, ins, out, spare)
+        state = _six(a, y, margin, normal, squared, table, order, ins, out)
+        rank = 6 if state == 1 else _slowly(state, a, y, margin, normal, squared, spare)
+        ranks[i] = rank
         for k in range(3):
             margins[i, k] = margin[k]
             for c in range(6):
                 normals[i, k, c] = normal[k, c]
         for c in range(4):
+            y4[c] = y[2 + c]
             for j in range(n):
                 a4[c, j] = a[2 + c, j]
         # σ_4 of four of its rows is no less than σ_6 of all, nor σ_1 more
-        _four(a4, y[2:], ranks[i] == 6, margin, normal, squared, table4, order4, spare)
+        state = _four(a4, y4, rank == 6, margin, normal, squared, table4, order4, spare[2])
+        if state < 1:
+            _slowly(state, a4, y4, margin, normal, squared, spare)
         margins[i, 3] = margin[0]
         for c in range(6):
             normals[i, 3, c] = normal[0, c]
