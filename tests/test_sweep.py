@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +15,13 @@ from snakegen.analysis import wrench_margin as margin
 from snakegen.errors import AnalysisError
 from snakegen.kernels.postures import segment_distance
 from snakegen.posture import hover_gimbals
-from snakegen.robot import Robot, load
+from snakegen.robot import Robot, from_urdf_text, load
 from snakegen.sweep import run as running
 from snakegen.sweep.batch import Body, evaluate
-from snakegen.sweep.run import sweep, work
+from snakegen.sweep.run import sweep
 from snakegen.sweep.samples import KINDS, chosen_joints, draw, read_table
 from snakegen.sweep.store import identity_of
+from snakegen.sweep.worker import Task, work
 from snakegen.sweep.worst import refine
 
 
@@ -117,11 +120,11 @@ def test_an_interrupted_sweep_resumes(
     samples, path = some(robot, 35), tmp_path / "s.parquet"
     calls = []
 
-    def stops(job: object, rows: np.ndarray) -> pa.Table:
+    def stops(task: Task, rows: np.ndarray) -> np.ndarray:
         calls.append(len(rows))
         if len(calls) == 3:
             raise KeyboardInterrupt
-        return work(job, rows)  # type: ignore[arg-type]
+        return work(task, rows)
 
     monkeypatch.setattr(running, "work", stops)
     with pytest.raises(KeyboardInterrupt):
@@ -144,6 +147,39 @@ def test_parts_of_another_sweep_are_refused(
         sweep(robot, robot.chain_joints, some(robot, 5, 1), path, workers=1, resume=True)
 
 
+def test_parts_of_another_robot_are_refused(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same joints and samples, one link heavier: the URDF's hash tells the two apart."""
+    path, samples = tmp_path / "s.parquet", some(robot, 25)
+    monkeypatch.setattr(running, "PART", 10)
+    heavier = from_urdf_text(robot.urdf.replace('<mass value="', '<mass value="1', 1), None)
+    assert heavier.chain_joints == robot.chain_joints and heavier.urdf_hash != robot.urdf_hash
+
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sweep(robot, robot.chain_joints, samples, path, workers=1, progress=stop)
+    kept = sorted(path.with_name("s.parquet.parts").iterdir())
+    with pytest.raises(AnalysisError, match="belongs to another sweep: its urdf_sha256 differ"):
+        sweep(heavier, robot.chain_joints, samples, path, workers=1, resume=True)
+    assert sorted(path.with_name("s.parquet.parts").iterdir()) == kept and not path.exists()
+    sweep(robot, robot.chain_joints, samples, path, workers=1, resume=True)
+    assert pq.read_table(path).num_rows == 25
+
+
+def test_a_worker_does_without_the_heavy_libraries() -> None:
+    """Each worker's memory: Pinocchio, pyarrow and scipy.optimize stay in the parent."""
+    code = (
+        "import sys, snakegen.sweep.worker as w; "
+        "print([m for m in ('pinocchio', 'pyarrow', 'scipy.optimize', 'pydantic', 'matplotlib', "
+        "'mujoco') if m in sys.modules], w.__name__)"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "[] snakegen.sweep.worker"
+
+
 def test_a_killed_worker_loses_nothing(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -164,23 +200,10 @@ def test_a_killed_worker_loses_nothing(
 
 
 def assert_same_sweep(robot: Robot, samples: np.ndarray, path: Path) -> None:
-    """Holds a sweep's file against its samples evaluated in this process: nothing lost or moved.
-
-    Processes that compile for themselves may differ in a last digit, so exact margins agree to
-    1e-9 and certified brackets overlap; joints agree bit for bit.
-    """
-    found = pq.read_table(path)
+    """Holds a sweep's file, bit for bit, against its samples evaluated in this process."""
     wanted = evaluate(Body.of(robot, robot.chain_joints, np.eye(3), 1e-3), samples)
-    assert found.column_names == wanted.column_names and found.num_rows == wanted.num_rows
-    a, b = ({n: np.asarray(t[n], float) for n in t.column_names} for t in (found, wanted))
-    for name in robot.chain_joints:
-        assert np.array_equal(a[name], b[name])
-    for name in ("force_margin", "torque_margin"):
-        assert np.all(a[name] <= b[f"{name}_upper"] * (1 + 1e-12))
-        assert np.all(b[name] <= a[f"{name}_upper"] * (1 + 1e-12))
-    exact = [n for n in found.column_names if n.startswith("dual_") or n == "self_distance"]
-    for name in exact:
-        np.testing.assert_allclose(a[name], b[name], rtol=1e-9, atol=1e-12)
+    found = pq.read_table(path)
+    assert found.equals(wanted.replace_schema_metadata(found.schema.metadata))
 
 
 def test_a_cluster_runs_the_same_sweep_and_survives_a_dead_worker(

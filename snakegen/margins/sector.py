@@ -8,7 +8,6 @@ whose columns are found one by one, so the hull's own margin is exact to the tol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 
 from snakegen.errors import AnalysisError
 from snakegen.margins import inputs
@@ -83,6 +82,8 @@ class _Hull:
 
     def support(self, e: Floats, torque: bool) -> tuple[float, Floats]:
         """Returns an upper bound of the slice along e, and a point of it seen from hover."""
+        from scipy.optimize import linprog  # heavy, and not needed by workers of sweeps
+
         part, held = (slice(3, 6), slice(0, 3)) if torque else (slice(0, 3), slice(3, 6))
         twist, n, upper = np.zeros(6), len(self.p), np.inf
         point = np.zeros(3)

@@ -1,19 +1,17 @@
 """Margins of a batch of postures of one robot: hover gimbals, both modes, self-collision."""
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 import pyarrow as pa
 
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
-from snakegen.kernels.postures import hover_postures, self_distances
-from snakegen.margins.thrust import thrust_margins
-from snakegen.margins.vectored import vectored_margins
 from snakegen.robot import GRAVITY, Robot
+from snakegen.sweep.worker import NUMBERS, Task, work
 
-CHUNK = 4096  # postures at a time inside a batch: bounds the memory
+MARGINS = (*NUMBERS, "self_collision")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,26 +36,23 @@ class Body:
         indices = np.array([robot.joint_names.index(n) for n in joints], np.int64)
         return Body(robot, joints, indices, base, tolerance)
 
+    @cached_property
+    def task(self) -> Task:
+        """The same as plain arrays."""
+        robot = self.robot
+        low, high, _ = robot.limits(robot.joint_names)
+        bodies, ends, rods = _segments(robot)
+        radii = [0.5 * r.diameter for a in robot.modules.apparatuses for r in a.rotors]
+        return Task(
+            robot.tree, robot.rotors, robot.gimbals, low, high, self.indices, self.base,
+            bodies, ends, rods, np.array(radii), _owners(robot), robot.force_scale,
+            robot.torque_scale, self.tolerance, GRAVITY,
+        )  # fmt: skip
+
 
 def columns(body: Body) -> list[str]:
     """Returns the names of the columns that a sweep writes."""
     return [*body.joints, *MARGINS]
-
-
-MARGINS = (
-    "wrench_margin",
-    "force_margin",
-    "force_margin_upper",
-    "torque_margin",
-    "torque_margin_upper",
-    "closed",
-    "dual_attitude_altitude_margin",
-    "dual_wrench_margin",
-    "dual_force_margin",
-    "dual_torque_margin",
-    "self_distance",
-    "self_collision",
-)
 
 
 def evaluate(body: Body, samples: Floats) -> pa.Table:
@@ -70,43 +65,15 @@ def evaluate(body: Body, samples: Floats) -> pa.Table:
         body: robot and joints.
         samples: (m, k) rad.
     """
-    parts = [_chunk(body, samples[i : i + CHUNK]) for i in range(0, len(samples), CHUNK)]
-    return pa.concat_tables(parts)
+    return table(body.joints, samples, work(body.task, samples))
 
 
-def _chunk(body: Body, samples: Floats) -> pa.Table:
-    robot = body.robot
-    m, rotors, limit = len(samples), robot.rotors, robot.gimbals.limit
-    dual = np.empty((m, 6, rotors.body.size))
-    points, hover = np.empty((m, limit.size, 3)), np.empty((m, 6))
-    bodies, ends, rods = _segments(robot)
-    spine, discs = np.empty((m, len(rods), 2, 3)), np.empty((m, rotors.body.size, 3))
-    low, high, _ = robot.limits(robot.joint_names)
-    hover_postures(
-        robot.tree, rotors, robot.gimbals, low, high, body.base, body.indices,
-        np.ascontiguousarray(samples), GRAVITY, dual, points, hover, spine, discs, bodies, ends,
-    )  # fmt: skip
-    distance = np.empty(m)
-    radii = np.array([0.5 * r.diameter for a in robot.modules.apparatuses for r in a.rotors])
-    self_distances(spine, discs, rods, radii, _owners(robot), distance)
-    scales: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
-    exact = thrust_margins(dual, rotors.thrust_min, rotors.thrust_max, hover, **scales)
-    free = vectored_margins(points, limit, hover, tolerance=body.tolerance, **scales)
-    data: dict[str, np.ndarray] = {n: samples[:, i] for i, n in enumerate(body.joints)}
-    data |= {
-        "wrench_margin": free.wrench,
-        "force_margin": free.force_bounds[:, 0],
-        "force_margin_upper": free.force_bounds[:, 1],
-        "torque_margin": free.torque_bounds[:, 0],
-        "torque_margin_upper": free.torque_bounds[:, 1],
-        "closed": free.closed,
-        "dual_attitude_altitude_margin": exact.attitude_altitude,
-        "dual_wrench_margin": exact.wrench,
-        "dual_force_margin": exact.force,
-        "dual_torque_margin": exact.torque,
-        "self_distance": distance,
-        "self_collision": distance < 0.0,
-    }
+def table(joints: tuple[str, ...], samples: Floats, numbers: Floats) -> pa.Table:
+    """Returns samples (m, k) and what `work` made of them (m, 11) as the table of a sweep."""
+    data: dict[str, np.ndarray] = {name: samples[:, i] for i, name in enumerate(joints)}
+    data |= {name: numbers[:, i] for i, name in enumerate(NUMBERS)}
+    data["closed"] = data["closed"] > 0.5
+    data["self_collision"] = data["self_distance"] < 0.0
     return pa.table({k: pa.array(np.ascontiguousarray(v)) for k, v in data.items()})
 
 

@@ -11,44 +11,21 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
-from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
 from snakegen import __version__
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats, rotation_from_rpy
-from snakegen.robot import Robot, from_urdf_text
-from snakegen.sweep.batch import Body, evaluate
+from snakegen.robot import Robot
+from snakegen.sweep.batch import Body, table
 from snakegen.sweep.store import Store
+from snakegen.sweep.worker import Task, work
 
 PART = 16384  # postures a task: about a second of work
 RETRIES = 3  # how often a broken pool is made anew
-
-
-@dataclass(frozen=True)
-class Job:
-    """What a worker needs to know of a sweep: plain data that travels to any process."""
-
-    urdf: str
-    joints: tuple[str, ...]
-    base_rpy: tuple[float, float, float]
-    tolerance: float
-
-
-def work(job: Job, samples: Floats) -> pa.Table:
-    """Evaluates one part; runs in a worker."""
-    return evaluate(_body(job), samples)
-
-
-@lru_cache(maxsize=4)
-def _body(job: Job) -> Body:
-    robot = from_urdf_text(job.urdf, None)
-    return Body.of(robot, job.joints, rotation_from_rpy(job.base_rpy), job.tolerance)
 
 
 def sweep(
@@ -84,9 +61,7 @@ def sweep(
         AnalysisError: parts of another sweep, a cluster that is not there, or workers that keep
             dying; the parts done so far are kept.
     """
-    robot_text = robot.urdf
-    job = Job(robot_text, tuple(joints), base_rpy, tolerance)
-    Body.of(robot, job.joints, rotation_from_rpy(base_rpy), tolerance)
+    body = Body.of(robot, tuple(joints), rotation_from_rpy(base_rpy), tolerance)
     said = {
         "snakegen": __version__,
         "robot": robot.name,
@@ -96,13 +71,13 @@ def sweep(
         "tolerance": tolerance,
         "postures": len(samples),
         "samples_sha256": _digest(samples),
-        "urdf": robot_text,
+        "urdf": robot.urdf,
     } | (identity or {})
     store = Store(path, said, resume=resume)
     count = -(-len(samples) // PART)
     todo = [i for i in range(count) if not store.has(i)]
     if todo:
-        _run(job, samples, store, todo, count, workers, cluster, progress)
+        _run(body, samples, store, todo, count, workers, cluster, progress)
     store.join(count)
     return path
 
@@ -118,7 +93,7 @@ def _rows(samples: Floats, index: int) -> Floats:
 
 
 def _run(
-    job: Job,
+    body: Body,
     samples: Floats,
     store: Store,
     todo: list[int],
@@ -129,28 +104,29 @@ def _run(
 ) -> None:
     done = len(samples) - sum(len(_rows(samples, i)) for i in todo)
 
-    def keep(index: int, table: pa.Table) -> None:
+    def keep(index: int, numbers: Floats) -> None:
         nonlocal done
-        store.put(index, table)
-        done += len(_rows(samples, index))
+        rows = _rows(samples, index)
+        store.put(index, table(body.joints, rows, numbers))
+        done += len(rows)
         if progress is not None:
             progress(done, len(samples))
 
     number = workers or os.cpu_count() or 1
     if cluster is None and (number == 1 or len(todo) == 1):
         for i in todo:
-            keep(i, work(job, _rows(samples, i)))
+            keep(i, work(body.task, _rows(samples, i)))
         return
     if cluster is not None:
-        _on_cluster(cluster, job, samples, todo, keep)
+        _on_cluster(cluster, body.task, samples, todo, keep)
         return
-    _body(job)  # the first compile is paid once, here, and cached for the workers
-    evaluate(_body(job), _rows(samples, todo[0])[:2])
     for attempt in range(RETRIES + 1):
         context = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(number, mp_context=context) as pool:
             try:
-                _drain(pool, job, samples, todo, keep, 2 * number)
+                # the first compile is paid once, by one worker, and cached for the others
+                pool.submit(work, body.task, _rows(samples, todo[0])[:2]).result()
+                _drain(pool, body.task, samples, todo, keep, 2 * number)
                 return
             except BrokenExecutor:
                 todo = [i for i in todo if not store.has(i)]
@@ -163,7 +139,7 @@ def _run(
 
 
 def _on_cluster(
-    address: str, job: Job, samples: Floats, todo: list[int], keep: Callable[[int, pa.Table], None]
+    address: str, task: Task, samples: Floats, todo: list[int], keep: Callable[[int, Floats], None]
 ) -> None:
     try:
         from distributed import Client
@@ -178,27 +154,27 @@ def _on_cluster(
     try:
         with client.get_executor(pure=False, retries=RETRIES) as pool:
             number = max(1, sum(client.nthreads().values()))
-            _drain(pool, job, samples, todo, keep, 2 * number)
+            _drain(pool, task, samples, todo, keep, 2 * number)
     finally:
         client.close()
 
 
 def _drain(
     pool: Executor,
-    job: Job,
+    task: Task,
     samples: Floats,
     todo: list[int],
-    keep: Callable[[int, pa.Table], None],
+    keep: Callable[[int, Floats], None],
     ahead: int,
 ) -> None:
     """Keeps `ahead` parts in flight until all of `todo` are kept: memory stays bounded."""
     waiting = list(reversed(todo))
-    flying: dict[Future[pa.Table], int] = {}
+    flying: dict[Future[Floats], int] = {}
     try:
         while waiting or flying:
             while waiting and len(flying) < ahead:
                 index = waiting.pop()
-                flying[pool.submit(work, job, _rows(samples, index))] = index
+                flying[pool.submit(work, task, _rows(samples, index))] = index
             ready, _ = wait(flying, return_when=FIRST_COMPLETED)
             for future in ready:
                 keep(flying.pop(future), future.result())
