@@ -10,12 +10,14 @@ from snakegen.log import style
 from snakegen.log.scene import Scene
 from snakegen.verify.recording import Recording
 
+_RING = 0.025  # m, between the rings of a hole
 _LOW = 0.06  # m, up to which an obstacle is solid: walls and ceilings must not hide the body
 
 
 def log_ground(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -> None:
     """Writes obstacles once, and an arrow a drum over time."""
     _obstacles(rec, recording)
+    _hole(rec, recording)
     _forces(rec, recording, view, columns)
 
 
@@ -45,6 +47,27 @@ def _obstacles(rec: Any, recording: Recording) -> None:
                 ),
                 static=True,
             )
+
+
+def _hole(rec: Any, recording: Recording) -> None:
+    """Draws a hole's centreline and rings about it, as wide as the room that the body has."""
+    import rerun as rr
+
+    facts = recording.meta.get("facts") or {}
+    if "centreline_m" not in facts:
+        return
+    line, room = np.array(facts["centreline_m"]), float(facts["room_m"])
+    arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    turn = np.linspace(0.0, 2.0 * np.pi, 33)[:, None]
+    strips = [line]
+    for s in np.linspace(0.0, arcs[-1], max(int(arcs[-1] / _RING), 1) + 1):
+        k = min(max(int(np.searchsorted(arcs, s)) - 1, 0), len(line) - 2)
+        step = line[k + 1] - line[k]
+        at = line[k] + step * (s - arcs[k]) / np.linalg.norm(step)
+        _, one, other = np.linalg.svd(step[None])[2]
+        strips.append(at + room * (np.cos(turn) * one + np.sin(turn) * other))
+    look = rr.LineStrips3D(strips, colors=[style.OBSTACLE], radii=[0.05 * room])
+    rec.log("world/obstacles/hole", look, static=True)
 
 
 def _forces(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -> None:
