@@ -49,7 +49,7 @@ class Robot:
         """Tells whether the base is free."""
         return self.modules.floating
 
-    @property
+    @cached_property
     def root_link(self) -> str:
         """The name of the URDF's root link."""
         return str(_root_link(self.urdf))

@@ -8,6 +8,7 @@ from math import sqrt
 import numpy as np
 
 from snakegen.kernels.air import air_forces, push
+from snakegen.kernels.borrowed import borrowed
 from snakegen.kernels.control_tick import control_tick
 from snakegen.kernels.control_types import Law, Measured, State, Target
 from snakegen.kernels.damping import damped
@@ -220,6 +221,9 @@ def fly_ticks(
     last: int,
 ) -> tuple[State, int, int]:
     """Flies ticks `first` … `last` − 1; returns memory, the next tick, and how it ended."""
+    tree, rotors, gimbals, law = borrowed((tree, rotors, gimbals, law))
+    sim, wires, damper, plan = borrowed((sim, wires, damper, plan))
+    plant, memory, rows = borrowed((plant, memory, rows))
     dt = plant.substeps * plant.timestep
     thrust = np.empty(wires.rotors.shape[0])
     for k in range(first, last):

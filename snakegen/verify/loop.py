@@ -23,7 +23,8 @@ from snakegen.verify.plant import Draw, Imperfections
 from snakegen.verify.vibration import OFF, Damping, damper, modal_filter
 from snakegen.verify.world import World
 
-STRETCH = 0.25  # s of flight between two looks at the rest of the world
+STRETCH = 1.0  # s of flight between two looks at the rest of the world
+REFRESH = 0.25  # s between two looks at the modes that are damped
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,7 @@ def fly(
         imperfections: of the plant.
         position_rate: Hz.
         damping: of vibration by internal forces; `noise` has the noise of its sensors.
-        progress: called with the tick, four times a second of flight.
+        progress: called with the tick, at least once a second of flight.
     """
     ticks = len(plan.time)
     dt = float(plan.time[1] - plan.time[0]) if ticks > 1 else 0.005
@@ -93,8 +94,9 @@ def fly(
     stopped, k = "", 0
     try:
         with noted() as keys:
+            step = max(1, round((REFRESH if run.modes else STRETCH) / dt))
             while k < ticks and not stopped:
-                k, stopped, level = run.stretch(k, min(k + max(1, round(STRETCH / dt)), ticks))
+                k, stopped, level = run.stretch(k, min(k + step, ticks))
                 if stopped:
                     events.append((float(plan.time[k - 1]), level, stopped))
                 if progress is not None:

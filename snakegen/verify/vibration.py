@@ -101,28 +101,21 @@ def damper(
     world: World, controller: Controller, damping: Damping, qpos: Floats
 ) -> tuple[Damper, int]:
     """Returns what the loop damps, and how many modes; nothing where it is off."""
+    if damping.gain == 0.0:
+        none, rows = np.empty(0, np.int64), np.empty((0, 3))
+        nothing = np.empty((0, controller.apparatuses), np.int64)
+        return Damper(0.0, none, rows, rows, nothing, none, none, np.empty((0, 0))), 0
     found, model = hinges(world), world.model
-    used = slice(None) if damping.gain > 0.0 else slice(0)
     pairs = [a.rotors for a in world.robot.modules.apparatuses]
     carriers = [int(model.site(rotors[0].link).bodyid[0]) for rotors in pairs]
     beyond = np.zeros((len(found.names), controller.apparatuses), np.int64)
     for e, dof in enumerate(found.dof):
         for j, carrier in enumerate(carriers):
             beyond[e, j] = _stands_on(model, carrier, int(model.dof_bodyid[dof]))
-    modes = 0 if damping.gain == 0.0 else count_modes(world, damping, qpos)
-    return (
-        Damper(
-            damping.gain,
-            found.body[used],
-            found.anchor[used],
-            found.axis[used],
-            beyond[used],
-            found.dof[used],
-            found.servo[used],
-            modal_filter(world, qpos, modes)[used, used],
-        ),
-        modes,
-    )
+    modes = count_modes(world, damping, qpos)
+    keep = modal_filter(world, qpos, modes)
+    places = (found.body, found.anchor, found.axis, beyond)
+    return Damper(damping.gain, *places, found.dof, found.servo, keep), modes
 
 
 def count_modes(world: World, damping: Damping, qpos: Floats) -> int:

@@ -68,7 +68,7 @@ def wiring(world: World, plan: Plan) -> Wiring:
         world.qvel,
         world.rotors,
         world.activation,
-        np.array(model.site_bodyid[sites], np.int64),
+        np.array(model.body_weldid[model.site_bodyid[sites]], np.int64),  # fewer bodies to push
         np.array(sites, np.int64),
         world.gimbals,
         world.servos,
