@@ -1,7 +1,12 @@
-"""Margins against pycapacity and a hull iteration: both sides in one run, on one core.
+"""Margins against pycapacity and two hull iterations: both sides in one run, on one core.
 
-Run: ``python benchmarks/margins.py``. The hyperplane shift of pycapacity is timed where that
-package is installed (``--pycapacity FOLDER`` adds a folder of packages to look in).
+Run: ``python benchmarks/margins.py``. The hyperplane shift of pycapacity and the hull iteration on
+the conic solver Clarabel are timed where these packages are found (``--pycapacity FOLDER``,
+``--clarabel FOLDER`` add a folder to look in: ``pip install --target FOLDER clarabel``).
+
+The conic hull iteration is the vectored mode as one would write it with a solver at hand: a
+polytope of points of the slice grows by its weakest facet until the bounds agree, and every point
+is one second-order cone program, ``max e·x`` over forces ‖f_j‖ ≤ L_j that hold the rest.
 """
 
 import argparse
@@ -19,7 +24,10 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
+from snakegen.kernels.postures import dual_postures
 from snakegen.margins.inner_ball import inner_ball
+from snakegen.posture import hover_gimbals
+from snakegen.robot import GRAVITY, load
 
 
 def timed(function, *arguments, repeats=5, **options):
@@ -59,9 +67,44 @@ def dual(rng, folder):
         q, hover = thrust_sets(rng, m, n)
         scales = {"force_scale": 1.0, "torque_scale": 1.0}
         each = timed(thrust_margins, q, 0, 1, hover, **scales) / m
-        line(f"dual, {n} rotors of rank 6, all four margins", each)
+        line(f"dual, {n} rotors of rank 6, all four margins given Q", each)
         if n == 8 and folder:
             compare_shift(q, hover, each, folder)
+
+
+def postures(rng):
+    """Dual margins of dragon4 from joint and gimbal angles: kinematics, Q and all four margins.
+
+    Joints anywhere within ±1.5 rad, every gimbal up to 0.3 rad from where its thrust is vertical.
+    Margins are round the wrench of random thrusts: with gimbals that no controller chose the
+    weight alone is seldom within reach, and what is outside takes another way.
+    """
+    robot, m = load("dragon4"), 3000
+    angles = np.empty((m, len(robot.joint_names)))
+    gimbals = [name in robot.gimbal_names for name in robot.joint_names]
+    for i in range(m):
+        joints = dict(zip(robot.chain_joints, rng.uniform(-1.5, 1.5, 6), strict=True))
+        angles[i] = hover_gimbals(robot, robot.configuration(joints))[7:]
+    angles[:, gimbals] += rng.uniform(-0.3, 0.3, (m, sum(gimbals)))
+    scales = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    dual, hover = np.empty((m, 6, robot.rotors.body.size)), np.empty((m, 6))
+    lower, upper = robot.rotors.thrust_min, robot.rotors.thrust_max
+
+    def maps():
+        dual_postures(robot.tree, robot.rotors, np.eye(3), angles, GRAVITY, dual, hover)
+
+    def whole():
+        maps()
+        return thrust_margins(dual, lower, upper, held, **scales)
+
+    line("dual, dragon4: kinematics and Q alone", timed(maps) / m)
+    held = dual @ (lower + (upper - lower) * rng.uniform(0.35, 0.65, upper.size))
+    found = whole()
+    line(
+        "dual, dragon4: kinematics, Q and all four margins",
+        timed(whole) / m,
+        f"{found.feasible.mean():.0%} within reach, rank {found.rank.min()} to {found.rank.max()}",
+    )
 
 
 def compare_shift(q, hover, each, folder):
@@ -127,7 +170,62 @@ def hull_iteration(points, limit, hover, tolerance, faces=60):
     return out
 
 
-def vectored(rng):
+def conic_iteration(points, limit, hover, tolerance):
+    """Returns force and torque margins by cone programs, and how many were solved."""
+    import clarabel
+    from scipy.sparse import csc_matrix
+
+    n = len(points)
+    skews = [np.cross(np.eye(3), p).T * -1.0 for p in points]  # p × f = skew f
+    maps = np.vstack([np.tile(np.eye(3), n), np.hstack(skews)])
+    cones = [clarabel.ZeroConeT(3)] + [clarabel.SecondOrderConeT(4)] * n
+    ball = np.vstack([np.zeros((1, 3)), -np.eye(3)])
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    out, solved = [], 0
+    for part, held in ((slice(0, 3), slice(3, 6)), (slice(3, 6), slice(0, 3))):
+        rows = csc_matrix(np.vstack([maps[held], np.kron(np.eye(n), ball)]))
+        right = np.concatenate([hover[held], np.tile([limit, 0.0, 0.0, 0.0], n)])
+
+        def support(e, part=part, rows=rows, right=right):
+            nonlocal solved
+            solved += 1
+            nothing = csc_matrix((3 * n, 3 * n))
+            found = clarabel.DefaultSolver(
+                nothing, -(e @ maps[part]), rows, right, cones, settings
+            ).solve()
+            point = maps[part] @ np.array(found.x) - hover[part]
+            return float(e @ point), point
+
+        out.append(inner_ball(support, tolerance)[1])
+    return (*out, solved)
+
+
+def compare_conic(points, hover, found, each, folder):
+    """One hull iteration on cone programs to the same tolerance, where the solver is found."""
+    sys.path.append(folder)
+    try:
+        import clarabel  # noqa: F401
+    except ImportError:
+        print("  hull iteration on cone programs: Clarabel is not installed, see --clarabel")
+        return
+    few, gaps, programs = 20, [], 0
+    conic_iteration(points[0], 64.0, hover, 1e-3)
+    start = time.process_time()
+    for i in range(few):
+        force, torque, solved = conic_iteration(points[i], 64.0, hover, 1e-3)
+        programs += solved
+        gaps += [abs(1 - force / found.force[i]), abs(1 - torque / found.torque[i])]
+    other = (time.process_time() - start) / few
+    line(
+        f"  hull iteration on {programs / few:.0f} cone programs to 1e-3",
+        other,
+        f"apart by up to {max(gaps):.1e}",
+        other / each,
+    )
+
+
+def vectored(rng, folder):
     for n in (4, 8):
         m = 4000
         points, weight = bodies(rng, m, n), n * MASS * 9.81
@@ -146,6 +244,7 @@ def vectored(rng):
             timed(vectored_margins, points[slowest : slowest + 1], 64.0, hover, **scales),
         )
         if n == 4:
+            compare_conic(points, hover, found, each, folder)
             few = 3
             start = time.process_time()
             gaps = []
@@ -164,10 +263,13 @@ def vectored(rng):
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pycapacity", default="", help="folder that holds the package")
+    parser.add_argument("--clarabel", default="", help="folder that holds the package")
     options = parser.parse_args()
     rng = np.random.default_rng(0)
+    print(f"load before: {' '.join(f'{x:.2f}' for x in os.getloadavg())} on {os.cpu_count()} cores")
     dual(rng, options.pycapacity)
-    vectored(rng)
+    postures(rng)
+    vectored(rng, options.clarabel)
 
 
 if __name__ == "__main__":

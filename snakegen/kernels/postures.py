@@ -77,6 +77,36 @@ def hover_postures(
                 write(spine[s, i], e, 0, _placed(bodies[i], ends[i], e, rotation, position))
 
 
+@jit
+def dual_postures(
+    tree: Tree,
+    rotors: Rotors,
+    base: Floats,
+    angles: Floats,
+    gravity: float,
+    dual: Floats,
+    hover: Floats,
+) -> None:
+    """Fills the dual map (m, 6, n_rotors) and hover wrench (m, 6) of m postures, gimbals as given.
+
+    Args:
+        tree, rotors: the robot.
+        base: (3, 3) attitude of the root link, one for all.
+        angles: (m, n-1) rad, all joints.
+        gravity: m/s².
+        dual, hover: filled; root-link axes, about the CoG.
+    """
+    n = tree.parent.shape[0]
+    rotation, position, origin = np.empty((n, 3, 3)), np.empty((n, 3)), np.zeros(3)
+    for s in range(angles.shape[0]):
+        forward_into(tree, base, origin, angles[s], rotation, position)
+        mass, cog = weigh(tree, rotation, position)
+        dual_into(rotors, rotation, position, cog, base, dual[s])
+        for k in range(3):
+            hover[s, k] = mass * gravity * base[2, k]
+            hover[s, 3 + k] = 0.0
+
+
 @bare
 def _placed(body: int, places: Floats, row: int, rotation: Floats, position: Floats) -> Three:
     """Returns the world place [m] of a row of `places` (…, 3), given in the frame of `body`."""
