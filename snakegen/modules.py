@@ -93,6 +93,7 @@ class Modules:
     control: dict[str, Any] = field(default_factory=dict)
     gain_sets: dict[str, dict[str, Any]] = field(default_factory=dict)
     plant: dict[str, float] = field(default_factory=dict)
+    uncertainty: dict[str, float] = field(default_factory=dict)
 
 
 def from_urdf(text: str) -> Modules | None:
@@ -105,7 +106,7 @@ def from_urdf(text: str) -> Modules | None:
             f"<snakegen version='{element.get('version')}'> is not known; this reads version 1."
         )
     control = element.find("control")
-    plant = element.find("plant")
+    plant, uncertainty = element.find("plant"), element.find("plant/uncertainty")
     return Modules(
         floating=element.get("base") == "floating",
         lengths={_text(e, "name"): _real(e, "length") for e in element.findall("link")},
@@ -117,8 +118,13 @@ def from_urdf(text: str) -> Modules | None:
         gain_sets={}
         if control is None
         else {_text(e, "name"): _gains(e) for e in control.findall("gains")},
-        plant={} if plant is None else {k: float(v) for k, v in plant.attrib.items()},
+        plant=_numbers(plant),
+        uncertainty=_numbers(uncertainty),
     )
+
+
+def _numbers(element: ET.Element | None) -> dict[str, float]:
+    return {} if element is None else {k: float(v) for k, v in element.attrib.items()}
 
 
 def _apparatus(element: ET.Element) -> Apparatus:

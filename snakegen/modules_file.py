@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from snakegen import yaml_file
 from snakegen.errors import DescriptionError, near
 from snakegen.modules import Apparatus, Modules, Rotor, Servo
-from snakegen.spec import Control, GainSet, Plant
+from snakegen.spec import Control, GainSet, Plant, Uncertainty
 
 _ARMATURE = 0.005  # kg m², of a servo that the file says nothing about (assumed)
 
@@ -75,7 +75,8 @@ def _flying(data: dict[str, Any], name: str) -> dict[str, Any]:
             control["gains"] = control["gains"] if sets else ""
             out |= {"control": control, "gain_sets": sets}
         if data.get("plant") is not None:
-            out["plant"] = Plant.model_validate(data["plant"]).model_dump(mode="python")
+            plant = Plant.model_validate(data["plant"]).model_dump(mode="python")
+            out |= {"uncertainty": plant.pop("uncertainty"), "plant": plant}
     except ValidationError as error:
         raise DescriptionError(f"{name}: {_first_mistake(error)}") from None
     return out
@@ -86,6 +87,7 @@ def _first_mistake(error: ValidationError) -> str:
     where = ".".join(str(k) for k in first["loc"])
     if first["type"] == "extra_forbidden":
         known = Control.model_fields | Plant.model_fields | GainSet.model_fields
+        known |= Uncertainty.model_fields
         return f"has no field '{where}'.{near(str(first['loc'][-1]), known)}"
     what = first["msg"].removeprefix("Value error, ")
     return f"'{where}': {what[0].lower()}{what[1:]}." if where else f"{what}."

@@ -128,6 +128,23 @@ class Control(Part):
         return self
 
 
+Share = Annotated[float, Field(ge=0, lt=1), BeforeValidator(number)]
+
+
+class Uncertainty(Part):
+    """Half ranges of the uniform draws of `--trials`: what is not known well of a robot (assumed).
+
+    Shares of the nominal value, for a mass or an inertia of each body on its own.
+    """
+
+    mass: Share = Field(0.05, description="of each body's mass, its inertia with it")
+    inertia: Share = Field(0.10, description="of each body's inertia, beside its mass")
+    thrust: Share = Field(0.05, description="of all rotors' thrust together")
+    lag: Share = Field(0.30, description="of all motors' lag")
+    delay: NonNegative = Field(0.010, description="s, added to the delay: 0 … this")
+    noise: Share = Field(0.50, description="of all sensors' noise")
+
+
 class Plant(Part):
     """Imperfections of the simulated robot, its sensors and its surroundings.
 
@@ -172,7 +189,7 @@ class Plant(Part):
     endurance: NonNegative = Field(
         180.0, description="s of hover in a full battery (ZN23: 3 minutes); 0: endless"
     )
-    voltage_sag: Annotated[float, Field(ge=0, lt=1), BeforeValidator(number)] = Field(
+    voltage_sag: Share = Field(
         0.1, description="share of voltage lost from full to empty (assumed); thrust goes as V²"
     )
     link_stiffness: NonNegative = Field(
@@ -181,6 +198,9 @@ class Plant(Part):
     )
     link_damping: NonNegative = Field(
         0.0002, description="s, over stiffness: 2 % of critical at 30 Hz (assumed)"
+    )
+    uncertainty: Uncertainty = Field(
+        Uncertainty(), description="ranges of what many trials are flown over"
     )
 
 

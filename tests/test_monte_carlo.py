@@ -9,7 +9,9 @@ from scipy.stats import binomtest
 
 import snakegen
 from snakegen.cli.flight import flight
-from snakegen.errors import MissionError
+from snakegen.errors import MissionError, SpecError
+from snakegen.robot import load
+from snakegen.spec_file import load_spec
 from snakegen.verify.monte_carlo import Spread, fly_again, monte_carlo, perturbed, wilson
 from snakegen.verify.run import prepare
 from snakegen.verify.world import make_world
@@ -117,3 +119,26 @@ def test_command_line_reports_survival_and_logs_the_worst(tmp_path):
             assert out["survived"] == 2 and out["passed"] and out["log"] == str(log)
         else:
             assert "2 of 2 flights survived: 100.0 %" in found.stdout
+
+
+def test_ranges_are_the_specs():
+    robot = load(load_spec("dragon4", overrides=["plant.uncertainty={mass: 0.2, noise: 0}"]))
+    ready = prepare(robot, "hover", options={"duration": 0.2})
+    found = monte_carlo(ready, 6, seed=2)
+    assert found.spread == Spread(mass=0.2, noise=0.0)
+    assert found.to_json()["uncertainty"]["mass"] == 0.2
+    drawn = [t.drawn for t in found.trials]
+    assert {d["noise"] for d in drawn} == {1.0}
+    usual = monte_carlo(prepare(load("dragon4"), "hover", options={"duration": 0.2}), 6, seed=2)
+    assert usual.spread == Spread()
+    wide, narrow = (np.ptp([t.drawn["mass"] for t in m.trials]) for m in (found, usual))
+    assert wide == pytest.approx(4.0 * narrow, rel=1e-6), "the same draws, four times as wide"
+    again = fly_again(ready, found.worst, seed=2)
+    assert again.meta["drawn"] == found.trials[found.worst].drawn
+
+
+def test_senseless_ranges_are_refused():
+    with pytest.raises(SpecError, match="mass"):
+        load_spec("dragon4", overrides=["plant.uncertainty.mass=1.5"])
+    with pytest.raises(SpecError, match=r"mass"):
+        Spread.of({"mas": 0.1})

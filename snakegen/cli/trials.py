@@ -51,7 +51,8 @@ def outcome_lines(out: dict[str, Any], path: Path) -> list[str]:
     lines = [
         f"{out['survived']} of {out['trials']} flights survived: {100 * out['survival']:.1f} % "
         f"(95 % interval {100 * low:.1f} … {100 * high:.1f} %); "
-        f"{out['passed_all_checks']} passed every check"
+        f"{out['passed_all_checks']} passed every check",
+        "drawn over " + ", ".join(_range(*item) for item in out["uncertainty"].items()),
     ]
     if out["trials"] < out["trials_asked"]:
         lines.append(f"interrupted: {out['trials_asked']} were asked for")
@@ -65,3 +66,8 @@ def outcome_lines(out: dict[str, Any], path: Path) -> list[str]:
     drawn = ", ".join(f"{k} {v:.3g}" for k, v in worst["drawn"].items())
     end = f", {worst['stopped']}" if worst["stopped"] else ""
     return [*lines, f"worst: trial {worst['number']} ({drawn}){end}", f"log of the worst: {path}"]
+
+
+def _range(name: str, half: float) -> str:
+    """Returns one of the ranges of `plant.uncertainty` in words."""
+    return f"{name} 0 … {1e3 * half:g} ms" if name == "delay" else f"{name} ±{100 * half:g} %"

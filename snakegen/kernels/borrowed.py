@@ -34,7 +34,8 @@ def _stripped(context: Any, builder: Any, kind: Any, value: Any) -> Any:
         array.parent = ir.Constant(array.parent.type, None)
         return array._getvalue()
     if isinstance(kind, types.BaseTuple):
-        parts = cgutils.unpack_tuple(builder, value, len(kind))
-        stripped = [_stripped(context, builder, k, p) for k, p in zip(list(kind), list(parts), strict=True)]
+        kinds: Any = kind
+        parts: Any = cgutils.unpack_tuple(builder, value, len(kinds))
+        stripped = [_stripped(context, builder, k, parts[i]) for i, k in enumerate(kinds)]
         return context.make_tuple(builder, kind, stripped)
     return value

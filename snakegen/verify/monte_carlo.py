@@ -8,7 +8,7 @@ import copy
 import os
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import sqrt
 from threading import Event
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from snakegen.errors import MissionError
+from snakegen.errors import MissionError, SpecError, near
 from snakegen.verify.plant import Imperfections
 from snakegen.verify.recording import Recording
 from snakegen.verify.run import Ready
@@ -36,7 +36,7 @@ _NOISES = ("position_noise", "attitude_bias", "attitude_noise", "gyro_noise", "v
 
 @dataclass(frozen=True)
 class Spread:
-    """Half ranges of uniform draws (assumed); relative unless a unit is given."""
+    """Half ranges of uniform draws, relative unless a unit is given: `plant.uncertainty`."""
 
     mass: float = 0.05  # each body's, its inertia with it
     inertia: float = 0.10  # each body's, beside its mass
@@ -44,6 +44,15 @@ class Spread:
     lag: float = 0.30  # all motors'
     delay: float = 0.010  # s, added: 0 … this
     noise: float = 0.50  # all sensors'
+
+    @staticmethod
+    def of(values: dict[str, Any]) -> "Spread":
+        """Returns that of an `<uncertainty>` element; absent ones are default."""
+        known = [f.name for f in fields(Spread)]
+        for name in values:
+            if name not in known:
+                raise SpecError(f"plant.uncertainty has no field '{name}'.{near(name, known)}")
+        return Spread(**{k: float(v) for k, v in values.items()})
 
 
 @dataclass(frozen=True)
@@ -64,6 +73,7 @@ class MonteCarlo:
 
     Attributes:
         asked: how many were to be flown; fewer were if it was interrupted.
+        spread: what was drawn, and how widely.
         trials: by number.
         survival: share that was flown to the end off the floor and on its path.
         interval: 95 % confidence interval of that share (Wilson).
@@ -72,6 +82,7 @@ class MonteCarlo:
     """
 
     asked: int
+    spread: Spread
     trials: tuple[Trial, ...]
     survival: float
     interval: tuple[float, float]
@@ -83,6 +94,7 @@ class MonteCarlo:
         return {
             "trials": len(self.trials),
             "trials_asked": self.asked,
+            "uncertainty": vars(self.spread),
             "survived": sum(t.survived for t in self.trials),
             "passed_all_checks": sum(t.passed for t in self.trials),
             "survival": self.survival,
@@ -113,7 +125,7 @@ def monte_carlo(
         ready: a mission from `run.prepare`.
         count: of trials.
         seed: the same seed gives the same trials, bit for bit, with any number of workers.
-        spread: what is drawn, and how widely.
+        spread: what is drawn, and how widely; the robot's own plant.uncertainty if not given.
         workers: threads; one a core if not given.
         progress: called with trials flown and trials in all.
 
@@ -123,7 +135,7 @@ def monte_carlo(
     if count < 1:
         raise MissionError(f"{count} trials: at least 1 is needed.")
     world = ready.world()
-    spread, stop = spread or Spread(), Event()
+    spread, stop = spread or Spread.of(ready.robot.modules.uncertainty), Event()
     done: list[Trial] = []
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         waiting: set[Future[Trial]] = {
@@ -142,7 +154,7 @@ def monte_carlo(
                 raise
     if not done:
         raise MissionError("interrupted before the first trial was finished.")
-    return summary(count, sorted(done, key=lambda t: t.number))
+    return summary(count, spread, sorted(done, key=lambda t: t.number))
 
 
 def fly_again(
@@ -151,7 +163,8 @@ def fly_again(
     """Returns the full recording of one trial of `monte_carlo`, bit for bit as it was."""
     world = ready.world()
     rng = np.random.default_rng([seed, number])
-    changed, imperfections, drawn = perturbed(world, ready.imperfections, spread or Spread(), rng)
+    spread = spread or Spread.of(ready.robot.modules.uncertainty)
+    changed, imperfections, drawn = perturbed(world, ready.imperfections, spread, rng)
     recording = ready.flown(changed, imperfections, rng, seed)
     return replace(recording, meta=recording.meta | {"trial": number, "drawn": drawn})
 
@@ -204,7 +217,7 @@ def perturbed(
     return replace(world, model=model), plant, drawn
 
 
-def summary(asked: int, trials: list[Trial]) -> MonteCarlo:
+def summary(asked: int, spread: Spread, trials: list[Trial]) -> MonteCarlo:
     """Returns survival, percentiles and the worst of `trials`."""
     alive = [t for t in trials if t.survived]
     columns: dict[str, list[float]] = {}
@@ -221,6 +234,7 @@ def summary(asked: int, trials: list[Trial]) -> MonteCarlo:
     }
     return MonteCarlo(
         asked,
+        spread,
         tuple(trials),
         len(alive) / len(trials),
         wilson(len(alive), len(trials)),
