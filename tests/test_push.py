@@ -7,7 +7,8 @@ from snakegen import load
 from snakegen.analysis.allocation import allocation
 from snakegen.control.controller import flight_controller
 from snakegen.errors import SnakegenError
-from snakegen.kernels.bounded import ball_allocation, box_within
+from snakegen.kernels.balls import ball_allocation
+from snakegen.kernels.bounded import box_within
 from snakegen.kernels.chain import centre_of_gravity, forward
 from snakegen.kernels.joint_loads import JointLoads, force_loads
 from snakegen.kernels.vectoring import joint_order

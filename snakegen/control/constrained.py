@@ -12,7 +12,8 @@ import numpy as np
 
 from snakegen.control.gains import Floats
 from snakegen.errors import AnalysisError
-from snakegen.kernels.bounded import ball_allocation, box_allocation
+from snakegen.kernels.balls import ball_allocation
+from snakegen.kernels.bounded import box_allocation
 from snakegen.kernels.joint_loads import no_loads
 
 

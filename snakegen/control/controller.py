@@ -18,6 +18,7 @@ from snakegen.robot import GRAVITY, Robot
 
 MODES = {"virtual_single_rotor": VIRTUAL, "dual_rotor": DUAL}
 SERVO_SHARE = 0.98  # of a joint servo's torque that the constrained allocator may plan with
+INTERNAL_TIME = (0.5, 0.02)  # s; slow beside the attitude loop; several ticks
 ROOT_AXES_UP_TO = 8  # links; longer bodies fly by the middle link's axes (THEORY A6)
 
 
@@ -57,7 +58,8 @@ class Controller:
         turns = np.zeros((self.apparatuses, 2))
         if gimbals is not None:
             turns[:] = gimbals
-        return State(np.zeros(3), np.zeros(3), turns, float(self.mode), 0)
+        none = np.full((2, self.apparatuses, 3), np.nan)
+        return State(np.zeros(3), np.zeros(3), turns, float(self.mode), 0, none)
 
     def tick(
         self,
@@ -133,6 +135,7 @@ def law_of(
     gravity: float = GRAVITY,
     joints: Any = (),
     joint_limit: Any = (),
+    internal_time: Sequence[float] = INTERNAL_TIME,
 ) -> Law:
     """Returns the kernels' form of gains and options; names as in `kernels.control_types.Law`."""
     n = int(gimbals.limit.size)
@@ -158,6 +161,7 @@ def law_of(
         float(gravity),
         np.array(joints, np.int64),
         np.array(joint_limit, float),
+        np.array(internal_time, float),
     )
 
 

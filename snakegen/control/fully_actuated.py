@@ -53,7 +53,7 @@ def allocate(
     law, n = controller.law, controller.apparatuses
     m = frame.mounts
     turns = np.zeros((n, 2)) if last is None else np.array(last, float)
-    thrust, angles, sigma, steps, size = allocate_virtual(
+    thrust, angles, sigma, steps, size, _, _ = allocate_virtual(
         m,
         controller.gimbals.limit,
         np.array(wrench, float),
@@ -66,6 +66,8 @@ def allocate(
         law.residual,
         law.constrained,
         no_loads(3 * n),
+        np.zeros((2, n, 3)),
+        np.ones(2),
     )
     if sigma < law.sigma_min and not force:
         raise ControlRefused(

@@ -9,7 +9,7 @@ from math import sqrt
 
 import numpy as np
 
-from snakegen.kernels.bounded import ball_allocation
+from snakegen.kernels.balls import ball_allocation, near_allocation
 from snakegen.kernels.fully_actuated import (
     across_into,
     aim_forces,
@@ -22,6 +22,8 @@ from snakegen.kernels.joint_loads import JointLoads
 from snakegen.kernels.linear import cross_into, dot, turn_into
 from snakegen.kernels.tree import Floats
 from snakegen.kernels.vectoring import AXIS, FIRST, SECOND, thrust_line, turned_into
+
+LEAST, NEAR, CALMLY = 0, 1, 2  # which of all the answers
 
 
 @jit
@@ -67,6 +69,17 @@ def confined_loads(loads: JointLoads, allowed: Floats) -> JointLoads:
 
 
 @jit
+def confined_forces(forces: Floats, allowed: Floats) -> Floats:
+    """Returns forces (3Ñ,) projected by `allowed` (Ñ, 3, 3)."""
+    out = np.zeros_like(forces)
+    for j in range(allowed.shape[0]):
+        for c in range(3):
+            for k in range(3):
+                out[3 * j + c] += allowed[j, c, k] * forces[3 * j + k]
+    return out
+
+
+@jit
 def bounded_forces(
     m: Floats,
     wrench: Floats,
@@ -77,6 +90,8 @@ def bounded_forces(
     last: Floats,
     rounds: int,
     loads: JointLoads,
+    internal: Floats,
+    near: int,
 ) -> tuple[Floats, Floats]:
     """Returns thrust (Ñ,) in [0, limit] and angles (Ñ, 2) within limits, nearest to `wrench`.
 
@@ -89,6 +104,9 @@ def bounded_forces(
         last: (Ñ, 2) rad, joint order.
         rounds: most rounds.
         loads: bounds of the joints on forces in CoG axes.
+        internal: (3Ñ,) N, CoG axes, forces against one another to keep, unless `near` is LEAST.
+        near: LEAST for the least forces within the joints' bounds; NEAR, or CALMLY, for
+            `near_allocation`, which knows no joints.
     """
     n = limit.shape[0]
     angles, thrust, missed = last.copy(), np.zeros(n), np.zeros(n)
@@ -96,7 +114,11 @@ def bounded_forces(
     allowed = confinement(m, angles)
     for _ in range(rounds):
         q = point_map(m, angles, allowed)
-        forces = ball_allocation(q, wrench, rows, limit, confined_loads(loads, allowed))
+        if near != LEAST:
+            kept = confined_forces(internal, allowed)
+            forces = near_allocation(q, wrench, rows, limit, kept, int(near == CALMLY))
+        else:
+            forces = ball_allocation(q, wrench, rows, limit, confined_loads(loads, allowed))
         before, moved = angles.copy(), 0.0
         aim_forces(m, forces, lower, upper, thrust, angles)
         for j in range(n):

@@ -152,14 +152,14 @@ def control_tick(
     lower, upper = joint_order(m, law.gimbal_lower), joint_order(m, law.gimbal_upper)
     last = joint_order(m, state.gimbals)
     thrust, angles, sigma, steps, size = np.empty(rotor.shape[0]), last, np.inf, 0, 0.0
-    status = FLOWN
+    reached, status, internal = wrench, FLOWN, np.full((2, gimbals.limit.shape[0], 3), np.nan)
     bounded = law.joints if law.constrained else law.joints[:0]
     most = law.joint_limit if law.constrained else law.joint_limit[:0]
     if share > 0.0:
         held_up = force_loads(
             tree, gimbals, m, last, rotation, position, cog, axes, law.gravity, bounded, most
         )
-        pushes, angles, sigma, steps, size = allocate_virtual(
+        pushes, angles, sigma, steps, size, reached, internal = allocate_virtual(
             m,
             gimbals.limit,
             wrench,
@@ -172,6 +172,8 @@ def control_tick(
             law.residual,
             law.constrained,
             held_up,
+            state.internal,
+            dt / (dt + law.internal_time),
         )
         thrust = spread_thrust(rotor, pushes)
         if sigma < law.sigma_min:
@@ -216,11 +218,11 @@ def control_tick(
     for k in range(6):
         for r in range(thrust.shape[0]):
             given[k] += full[k, r] * thrust[r]
-    short = falls_short(wrench, given, rows)
+    short = falls_short(wrench, reached if law.constrained else given, rows)
     if share < 1.0:
         short = falls_short(truncated_wrench(wrench, tilt), truncated_wrench(given, tilt), rows[2:])
     turns = joint_order(m, angles)
     return (
-        State(pulled, wound, turns, blend, short),
+        State(pulled, wound, turns, blend, short, internal),
         Command(thrust, turns, wrench, given, sigma, steps, size, status),
     )

@@ -53,6 +53,7 @@ class Law(NamedTuple):
     gravity: float  # m/s²
     joints: Ints  # (k,) bodies moved by the joints whose torque the constrained allocator bounds
     joint_limit: Floats  # (k,) N m
+    internal_time: Floats  # (2,) s, in which internal forces follow joints' and thrusts' limits
 
 
 class State(NamedTuple):
@@ -63,6 +64,7 @@ class State(NamedTuple):
     gimbals: Floats  # (Ñ, 2) rad, roll and pitch last commanded, unwrapped
     blend: float  # 0 dual-rotor mode … 1 virtual-single-rotor mode
     saturated: int  # 1 when the last command met a limit
+    internal: Floats  # (2, Ñ, 3) N, link axes, for joints' limits and all; NaN: none yet
 
 
 class Command(NamedTuple):

@@ -23,6 +23,7 @@ class JointLoads(NamedTuple):
     limit: Floats  # (k,) N m
 
 
+@jit
 def no_loads(columns: int) -> JointLoads:
     """Returns bounds on nothing."""
     return JointLoads(np.zeros((0, columns)), np.zeros(0), np.zeros(0))

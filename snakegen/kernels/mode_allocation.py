@@ -8,11 +8,21 @@ from math import sqrt
 
 import numpy as np
 
+from snakegen.kernels.balls import least_forces
 from snakegen.kernels.bounded import box_within
-from snakegen.kernels.confined import bounded_forces
-from snakegen.kernels.fully_actuated import forces_of, refine, spread_forces, wrench_jacobian
+from snakegen.kernels.confined import CALMLY, LEAST, NEAR, bounded_forces
+from snakegen.kernels.fully_actuated import (
+    confinement,
+    forces_of,
+    point_map,
+    refine,
+    spread_forces,
+    wrench_jacobian,
+    wrench_of,
+)
 from snakegen.kernels.jit import jit
 from snakegen.kernels.joint_loads import JointLoads, overloaded
+from snakegen.kernels.linear import turn_back_into, turn_into
 from snakegen.kernels.spd import least_norm, least_singular_value
 from snakegen.kernels.tree import Floats
 
@@ -51,11 +61,24 @@ def allocate_virtual(
     residual: float,
     constrained: int,
     loads: JointLoads,
-) -> tuple[Floats, Floats, float, int, float]:
+    internal: Floats,
+    share: Floats,
+) -> tuple[Floats, Floats, float, int, float, Floats, Floats]:
     """Returns thrust (Ñ,), angles (Ñ, 2), σ_min(J_w), Newton steps and ‖ε‖: eqs 29-47.
 
-    The constrained allocator takes over where the printed one passes a limit; elsewhere both give
-    the least-norm answer. Angles are in joint order; `loads` bounds forces in CoG axes.
+    Beside them the wrench (6,) within reach, and internal forces for the next tick. The constrained
+    allocator takes over where the printed one passes a limit; elsewhere both give the least-norm
+    answer. Angles are in joint order; `loads` bounds forces in CoG axes.
+
+    At a limit the bounded answer moves forces ten times as far as the pseudo-inverse for the same
+    change of wrench, farther than motors and gimbals follow inside the attitude loop, which then
+    swings up. So what sets it apart from the pseudo-inverse, forces against one another that add
+    nothing to the wrench, is eased in, and the pseudo-inverse meets the wrench beside them.
+
+    Args:
+        internal: (2, Ñ, 3) N, link axes, those forces in the tick before: for the joints' limits,
+            then for thrusts' and gimbals' too; NaN for none as yet.
+        share: (2,) of the way to the ones wanted now; 1 goes there at once.
     """
     n = limit.shape[0]
     thrust, angles = spread_forces(m, wrench, limit, lower, upper, last, sweeps)
@@ -71,9 +94,80 @@ def allocate_virtual(
     sigma = least_singular_value(wrench_jacobian(m, thrust, angles), rows, columns)
     if constrained:
         beyond |= overloaded(loads, forces_of(m, thrust, angles))
-    if constrained and beyond:
-        thrust, angles = bounded_forces(m, wrench, rows, limit, lower, upper, last, ROUNDS, loads)
-    return thrust, angles, sigma, steps, size
+    if not constrained:
+        return thrust, angles, sigma, steps, size, wrench, np.zeros((2, n, 3))
+    goal = np.zeros(3 * n)
+    if beyond:
+        thrust, angles = bounded_forces(
+            m, wrench, rows, limit, lower, upper, last, ROUNDS, loads, goal, LEAST
+        )
+        goal = apart_from_least(m, wrench, rows, limit, thrust, angles)
+    kept = np.empty_like(internal)
+    apart = eased(m, goal, internal[0], share[0], kept[0])
+    if apart > LIMIT_SLACK:
+        thrust, angles = bounded_forces(
+            m, wrench, rows, limit, lower, upper, last, ROUNDS, loads, in_cog_axes(m, kept[0]), NEAR
+        )
+        goal = apart_from_least(m, wrench, rows, limit, thrust, angles)
+    reached = wrench_of(m, thrust, angles)
+    apart = eased(m, goal, internal[1], share[1], kept[1])
+    if apart > LIMIT_SLACK:
+        thrust, angles = bounded_forces(
+            m,
+            wrench,
+            rows,
+            limit,
+            lower,
+            upper,
+            last,
+            ROUNDS,
+            loads,
+            in_cog_axes(m, kept[1]),
+            CALMLY,
+        )
+    return thrust, angles, sigma, steps, size, reached, kept
+
+
+@jit
+def apart_from_least(
+    m: Floats, wrench: Floats, rows: Floats, limit: Floats, thrust: Floats, angles: Floats
+) -> Floats:
+    """Returns what an answer's forces (3Ñ,), CoG axes, have beyond the pseudo-inverse's."""
+    q = point_map(m, angles, confinement(m, angles))
+    return forces_of(m, thrust, angles) - least_forces(q, wrench, rows, limit)
+
+
+@jit
+def eased(m: Floats, goal: Floats, now: Floats, share: float, out: Floats) -> float:
+    """Writes forces (Ñ, 3), link axes, `share` of the way from `now` to `goal` into `out`.
+
+    Returns how far [N] they still are from it. A body that bends carries them along.
+
+    Args:
+        m: (Ñ, 10, 3) from `vectoring.mounts`.
+        goal: (3Ñ,) N, CoG axes.
+        now: (Ñ, 3) N, link axes; NaN takes the goal.
+        share: 0 … 1.
+        out: (Ñ, 3) N, link axes.
+    """
+    apart = 0.0
+    for j in range(now.shape[0]):
+        turn_back_into(m[j], goal[3 * j : 3 * j + 3], out[j])
+        for k in range(3):
+            gap = now[j, k] - out[j, k]
+            if gap == gap:
+                out[j, k] += (1.0 - share) * gap
+                apart = max(apart, abs((1.0 - share) * gap))
+    return apart
+
+
+@jit
+def in_cog_axes(m: Floats, forces: Floats) -> Floats:
+    """Returns forces (3Ñ,) in CoG axes of forces (Ñ, 3) in link axes."""
+    out = np.empty(forces.size)
+    for j in range(forces.shape[0]):
+        turn_into(m[j], forces[j], out[3 * j : 3 * j + 3])
+    return out
 
 
 @jit

@@ -2,7 +2,9 @@
 
 The reach is worked out where the robot will be when it gets there: each round turns the gimbals
 as the forces at the end of the ray ask, lets every servo give way under its torque by τ/k, and
-starts anew. Without that a dual-rotor robot, whose yaw is drag alone, is some 15 % off.
+starts anew. Without that a dual-rotor robot, whose yaw is drag alone, is some 15 % off. Where the
+thrust points move much with gimbals that point many ways, the rounds need not settle; then the
+least of them is promised.
 """
 
 from dataclasses import dataclass
@@ -29,7 +31,8 @@ from snakegen.robot import Robot
 
 Floats = NDArray[np.float64]
 KINDS = {"force": slice(0, 3), "torque": slice(3, 6), "wrench": slice(0, 6)}
-ROUNDS = 6
+ROUNDS = 8
+SETTLED = 2e-3  # change of reach in the last round, of its size
 _SAMPLES = 3000  # directions tried for the weakest of a pseudo-inverse, then refined
 
 
@@ -41,6 +44,7 @@ class Forecast:
         push: (6,) unit of the push on the robot, N and N m, root-link axes, about the CoG.
         held: multiple of it that can be held, thrust and joints within limits.
         thrust_only: the same without the joints' limits.
+        settled: whether the last rounds agree; else `held` is the least of them.
         at_posture: `held` with the gimbals as the posture has them (the analysis' own number).
         stopped: what is at its limit there.
         link: that carries the push.
@@ -52,6 +56,7 @@ class Forecast:
     at_posture: float
     stopped: tuple[str, ...]
     link: str
+    settled: bool
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data; infinite values are null."""
@@ -65,6 +70,7 @@ class Forecast:
             "push": self.push.tolist(),
             "stopped": list(self.stopped),
             "link": self.link,
+            "settled": self.settled,
         }
 
 
@@ -87,19 +93,23 @@ def forecast(
     name = link or robot.root_link
     direction = _weakest(robot, controller, q, kind, name)
     first = _reach(robot, controller, q, direction, name)
-    now, reach = np.array(q), first
+    found, settled = [(np.array(q), first)], False
     for _ in range(ROUNDS):
+        reach = found[-1][1]
         if not 0 < reach.t < np.inf:
             break
         asked = _aimed(robot, controller, q, reach.x) if controller.mode == VIRTUAL else q
         now = _given_way(robot, controller, asked, reach, direction, name)
-        reach = _reach(robot, controller, now, direction, name)
+        found.append((now, _reach(robot, controller, now, direction, name)))
+        settled = abs(found[-1][1].t - reach.t) <= SETTLED * reach.t
+    now, reach = found[-1] if settled else min(found, key=lambda round_: round_[1].t)
     if not 0 < reach.t < np.inf:
         raise MissionError(
             f"{robot.name} holds no push in this posture: its margin is 0 or not defined."
         )
     free = _reach(robot, controller, now, direction, name, joints=False)
-    return Forecast(direction, reach.t, free.t, first.t, _names(robot, controller, reach), name)
+    stopped = _names(robot, controller, reach)
+    return Forecast(direction, reach.t, free.t, first.t, stopped, name, settled)
 
 
 def _map(robot: Robot, controller: Controller, a: Allocation) -> Floats:

@@ -142,7 +142,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
     joint_error = joint_error - recording.channel("joint_angle").values
     ramp = float(facts["slow_from_s"])
     lag = (time > ramp + 2.0) & (time <= ramp + 4.0)
-    if not lag.any():  # gone before the slow ramp
+    if time[-1] < ramp + 4.0:  # gone before the lag can be told
         lag = time < SETTLE
     fine = np.full(len(time), True)
     for error, most in ((place_error, LOST_M), (turn_error, LOST_RAD), (joint_error, LOST_JOINT)):
