@@ -42,6 +42,8 @@ def _stored(path: Path) -> tuple[str, list[bytes]]:
     # rerun raises what its decoder meets: any of it means that the file is not whole.
     except Exception as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        if "without footer" in reason:  # rerun takes it for a file of an old version
+            reason = "its end is missing"
         raise LogError(f"{path} is cut short or damaged: {reason}") from None
     for chunk in chunks:
         if chunk.entity_path.strip("/") == ENTITY:
