@@ -7,10 +7,11 @@ from scipy.optimize import linprog
 
 from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
 from snakegen.errors import SnakegenError
+from snakegen.kernels.sector_support import farthest
 from snakegen.margins.controller import ball_reach, thrust_controller, vectored_controller
 from snakegen.margins.failure import thrust_failures, vectored_failures
 from snakegen.margins.joint_limited import thrust_joint_limited, vectored_joint_limited
-from snakegen.margins.sector import farthest, thrust_direction
+from snakegen.margins.sector import hull_bounds
 from snakegen.margins.uncertainty import guaranteed_thrust, guaranteed_vectored
 
 WEIGHT = 4 * MASS * 9.81
@@ -184,15 +185,49 @@ def test_joint_limited_rotors_stay_inside_their_rays():
     assert shortest == pytest.approx(m.force, rel=1e-6)
 
 
+def thrust_direction(phi, theta):
+    """[sinθ, -sinφ cosθ, cosφ cosθ], link axes (THEORY A1)."""
+    return np.stack([np.sin(theta), -np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)], -1)
+
+
 def test_farthest_thrust_of_a_sector_against_a_fine_grid():
-    rng = np.random.default_rng(5)
+    rng, out = np.random.default_rng(5), np.empty(3)
     for gimbal in ([0.4, 0.7], [np.pi, 1.2], [1.0, 2.5], [2.0, np.pi]):
         phi, theta = np.meshgrid(*(np.linspace(-g, g, 801) for g in gimbal))
         grid = thrust_direction(phi.ravel(), theta.ravel())
-        d = unit_ball(rng, 20, 3)
-        best = (farthest(d, np.tile(gimbal, (20, 1))) * d).sum(axis=1)
-        sampled = (d @ grid.T).max(axis=1)
-        assert (best >= sampled - 1e-12).all() and (best <= sampled + 1e-4).all()
+        for d in unit_ball(rng, 20, 3):
+            best, sampled = farthest(d, *gimbal, out), (grid @ d).max()
+            assert sampled - 1e-12 <= best <= sampled + 1e-4
+            assert out @ d == pytest.approx(best, abs=1e-12)
+
+
+@pytest.mark.parametrize("gimbal", [[0.5, 0.6], [np.pi, 1.0]])
+def test_hull_margins_against_linear_programs_on_a_grid_of_forces(gimbal):
+    """Along the worst direction no mixture of sampled forces gets farther, and nearly as far."""
+    points, rotations = chain(4, "spatial")
+    p, w = points / LENGTH, np.r_[HOVER[:3], 0, 0, 0] / WEIGHT
+    high, low, limits = np.full(4, 64.0 / WEIGHT), np.full(4, 0.05), np.tile(gimbal, (4, 1))
+    margins, twists = hull_bounds(p, high, w, 1e-4, low, limits, rotations)
+    phi, theta = np.meshgrid(*(np.linspace(-g, g, 41) for g in gimbal))
+    grid = thrust_direction(phi.ravel(), theta.ravel())
+    columns, owner = [], []
+    for j in range(4):
+        for strength in (low[j], high[j]):
+            force = strength * grid @ rotations[j].T
+            columns.append(np.hstack([force, np.cross(p[j], force)]))
+            owner += [j] * len(grid)
+    columns, mixture = np.vstack(columns).T, np.array(owner) == np.arange(4)[:, None]
+    for k, part in ((1, slice(0, 3)), (2, slice(3, 6))):
+        held = slice(3, 6) if k == 1 else slice(0, 3)
+        e = twists[k, part]
+        found = linprog(
+            -(e @ columns[part]),
+            A_eq=np.vstack([columns[held], mixture]),
+            b_eq=np.r_[w[held], np.ones(4)],
+        )
+        sampled = -found.fun - e @ w[part]
+        assert sampled <= margins[k] * (1 + 1e-9)
+        assert sampled >= margins[k] - 5e-3
 
 
 def test_gimbal_limits_give_a_labelled_upper_bound():
