@@ -12,7 +12,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c "$(NEW_ENOUGH)" 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check format generated bench fuzz wheel clean
+.PHONY: help demo test check format generated bench speed fuzz wheel clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*##' $(firstword $(MAKEFILE_LIST)) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -32,6 +32,11 @@ $(VENV)/dev.stamp: pyproject.toml | $(VENV)/bin/pip
 	@echo "installing snakegen and its development tools into $(VENV), once" >&2
 	@$(BIN)/pip install -qq --disable-pip-version-check -e '.[dev]'
 	@touch $@ $(VENV)/runtime.stamp
+
+$(VENV)/bench.stamp: $(VENV)/dev.stamp
+	@echo "installing what the benchmarks compare with, once" >&2
+	@$(BIN)/pip install -qq --disable-pip-version-check -e '.[bench]'
+	@touch $@
 
 # The flight runs beside the analysis: each compiles its own kernels on the first run.
 demo: $(VENV)/runtime.stamp ## build dragon4, analyse it, fly it; ends with the verdict
@@ -68,8 +73,12 @@ $(PRESETS:%=generated/%): generated/%: $(VENV)/runtime.stamp
 		--report $@/report.md --json > $@/report.json.part
 	mv $@/report.json.part $@/report.json
 
-bench: $(VENV)/dev.stamp ## run the benchmarks, each against its rival
-	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+bench: $(VENV)/bench.stamp ## run the benchmarks, each against its rival
+	@for file in $(filter-out benchmarks/readme.py,$(wildcard benchmarks/*.py)); do \
+		echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+speed: $(VENV)/bench.stamp ## measure the table of speeds and put it into README.md
+	$(BIN)/python benchmarks/readme.py
 
 fuzz: $(VENV)/dev.stamp ## hypothesis with EXAMPLES cases a property (300)
 	SNAKEGEN_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n 2 -k "random or fuzz or hypothesis"
