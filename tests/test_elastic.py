@@ -1,10 +1,15 @@
 """Elastic links: what is split stays whole, and bends at the frequencies that are printed."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import snakegen
+from snakegen.cli.flight import flight
+from snakegen.cli.inspect import inspect
 from snakegen.errors import DescriptionError
 from snakegen.robot import load
 from snakegen.spec import RobotSpec
@@ -85,6 +90,19 @@ def test_dragon4_flies_on_its_own_tubes_and_prints_their_modes():
     assert recording.verdict.passed, recording.verdict.summary()
     modes = recording.meta["modal_frequencies_hz"]
     assert len(modes) == 14 + 8 and modes == sorted(modes) and modes[0] > 1.0
+
+
+def test_a_run_that_diverges_says_when_and_what(tmp_path):
+    """Springs too stiff for the time step: it stops at once, and the log says so too."""
+    log, stiff = tmp_path / "stiff.rrd", ["--set", "plant.link_stiffness=1e5"]
+    command = ["dragon3", "--duration", "1", "-o", str(log), *stiff]
+    said = CliRunner().invoke(flight, command, standalone_mode=False)
+    assert said.return_value == 3 and "failed: completed" in said.output
+    assert re.search(
+        r"ended early: diverged at 0\.\d\d s: \w+ at -?[\d.e+]+ (m/s|rad)", said.output
+    )
+    again = CliRunner().invoke(inspect, [str(log)], standalone_mode=False)
+    assert again.return_value == 3 and "ended early: diverged" in again.output
 
 
 def test_a_link_without_mass_cannot_be_split():

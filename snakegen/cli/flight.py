@@ -228,6 +228,8 @@ def result_json(recording: Any, path: Path) -> dict[str, Any]:
 def result_lines(recording: Any, path: Path) -> list[str]:
     """Returns what a person reads: the checks, the log, and the verdict last."""
     lines = [f"log: {path}"]
+    if recording.meta.get("stopped"):
+        lines.append(f"ended early: {recording.meta['stopped']}")
     modes = recording.meta.get("modal_frequencies_hz")
     if modes:
         shown = ", ".join(f"{f:.2f}" for f in modes[:6])
