@@ -9,6 +9,7 @@ from test_control_allocation import controller_of
 from snakegen.control import constrained, fully_actuated
 from snakegen.control.frame import cog_frame
 from snakegen.errors import AnalysisError
+from snakegen.kernels.balls import near_allocation
 
 LENGTH, G = 0.42, 9.81
 
@@ -149,3 +150,38 @@ def test_bounded_forces_reach_the_anchor_of_equal_limits():
         )
         assert (mine.shortfall < 1e-6) == reached
         assert np.all(mine.at_limit) == (not reached)
+
+
+@pytest.mark.parametrize("calm", [0, 1])
+@pytest.mark.parametrize("reach", [0.5, 0.95])
+def test_forces_near_others_satisfy_the_optimality_conditions(calm, reach):
+    """``(f - c)/L² = QᵀS²(w - Qf)/δ - κ f``, κ ≥ 0 and only at limits; c is the free answer."""
+    rng = np.random.default_rng(17)
+    met = 0
+    for _ in range(20):
+        points, limits = rng.normal(size=(4, 3)), rng.uniform(10, 30, 4)
+        q = np.hstack([np.vstack([np.eye(3), np.cross(p, np.eye(3)).T]) for p in points])
+        f = rng.normal(size=(4, 3))
+        f *= (limits / np.linalg.norm(f, axis=1))[:, None]
+        wrench, internal = q @ (reach * f.ravel()), rng.normal(size=12)
+        rows, weight = np.r_[np.full(3, 0.02), np.full(3, 0.05)], np.repeat(limits, 3)
+        free = internal + weight * (np.linalg.pinv(q * weight) @ (wrench - q @ internal))
+        mine = near_allocation(q, wrench, rows, limits, internal, calm)
+        size = np.linalg.norm(mine.reshape(4, 3), axis=1)
+        assert np.all(size <= limits * (1 + 1e-12))
+        if np.all(np.linalg.norm(free.reshape(4, 3), axis=1) < limits):
+            np.testing.assert_allclose(mine, free, atol=1e-5)
+            continue
+        met += 1
+        at = np.flatnonzero(size > limits * (1 - 1e-9))
+        columns = np.zeros((12, len(at)))
+        for k, j in enumerate(at):
+            columns[3 * j : 3 * j + 3, k] = mine[3 * j : 3 * j + 3]
+        pull = q.T @ (rows**2 * (wrench - q @ mine)) / 1e-2
+        if not calm:
+            assert np.linalg.norm(rows * (wrench - q @ mine)) < 1e-5
+            columns, pull = np.hstack([columns, -q.T]), np.zeros(12)
+        found, *_ = np.linalg.lstsq(columns, pull - (mine - free) / weight**2, rcond=None)
+        left = columns @ found - pull + (mine - free) / weight**2
+        assert np.abs(left).max() < 1e-6 and np.all(found[: len(at)] > -1e-6)
+    assert met >= 5 or reach < 0.9, "limits are met"

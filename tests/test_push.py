@@ -6,10 +6,13 @@ import pytest
 from snakegen import load
 from snakegen.analysis.allocation import allocation
 from snakegen.control.controller import flight_controller
+from snakegen.control.frame import cog_frame
 from snakegen.errors import SnakegenError
 from snakegen.kernels.balls import ball_allocation
 from snakegen.kernels.bounded import box_within
 from snakegen.kernels.chain import centre_of_gravity, forward
+from snakegen.kernels.control_types import Measured, Target
+from snakegen.kernels.fully_actuated import forces_of
 from snakegen.kernels.joint_loads import JointLoads, force_loads
 from snakegen.kernels.vectoring import joint_order
 from snakegen.kinetostatics.joint_loads import joint_loads
@@ -18,7 +21,7 @@ from snakegen.margins.controller import vectored_controller
 from snakegen.margins.rays import Bounds, inverse_ray, thrust_ray, vectored_ray
 from snakegen.margins.thrust import thrust_margins
 from snakegen.verify.forecast import forecast
-from snakegen.verify.postures import bent, place
+from snakegen.verify.postures import bent, place, resting_joints
 from snakegen.verify.run import prepare, run
 
 
@@ -57,8 +60,6 @@ def test_kernel_and_law_give_the_same_loads(robot, hover):
     c = flight_controller(robot, allocator="constrained")
     base, origin = robot.base_pose(hover)
     rotation, position = forward(robot.tree, base, origin, robot.angles(hover))
-    from snakegen.control.frame import cog_frame
-
     frame = cog_frame(c, robot.angles(hover), base, origin)
     turns = np.array(
         [
@@ -152,9 +153,106 @@ def test_a_push_is_lost_where_the_analysis_says(robot, allocator):
     assert np.linalg.norm(lost) > 1.5 * np.linalg.norm(half)
 
 
-def test_a_singular_posture_is_refused_and_falls_if_forced(robot):
-    straight = {"joint1_yaw": 0.0, "joint2_yaw": 0.0, "joint3_yaw": 0.0}
-    with pytest.raises(SnakegenError):
-        prepare(robot, "push", options={"posture": straight})
+BENT = {
+    "joint1_pitch": -0.23, "joint1_yaw": 0.92, "joint2_pitch": 0.22,
+    "joint2_yaw": -1.07, "joint3_pitch": -0.22, "joint3_yaw": -0.91,
+}  # fmt: skip
+
+
+def test_a_push_by_force_is_held_where_joints_stop_it(robot):
+    """Thrust traded for joint torque: at once it swung up at 0.85 of the prediction."""
+    options = {"kind": "force", "posture": BENT, "slow": 12.0}
+    recording = run(robot, "push", allocator="constrained", ideal=True, options=options)
+    found, m = recording.meta["facts"]["forecast"], recording.metrics
+    assert found["settled"] and found["held"] < 0.6 * found["thrust_only"]
+    assert m["tracking_lost"] and 0.95 <= m["ratio"] <= 1.1
+
+
+def test_a_push_on_another_link_is_held_too(robot):
+    options = {"kind": "torque", "link": "link4", "slow": 12.0}
+    recording = run(robot, "push", ideal=True, options=options)
+    own = forecast(robot, flight_controller(robot), recording_start(robot), "torque")
+    assert recording.meta["facts"]["forecast"]["held"] != pytest.approx(own.held, rel=1e-3)
+    assert recording.metrics["limit_ratio"] == pytest.approx(1.0, abs=0.05)
+    assert 0.95 <= recording.metrics["ratio"] <= 1.1
+
+
+def recording_start(robot):
+    return place(robot, bent(robot), np.array([0.0, 0.0, 4.0]))
+
+
+def held_for(robot, controller, seconds):
+    """Returns a tick that holds 0.9 of the largest push, `seconds` after it struck a hover."""
+    angles = place(robot, resting_joints(robot, BENT), np.zeros(3))
+    found = forecast(robot, controller, angles, "force")
+    frame = cog_frame(controller, robot.angles(angles))
+    still = np.zeros(3)
+    measured = Measured(
+        np.eye(3), still, still, still, robot.angles(angles), np.zeros(len(robot.joint_names))
+    )
+
+    def asked(extra):
+        lift = (extra - 0.9 * found.held * found.push[:3]) / robot.mass
+        return Target(frame.cog, still, lift, np.eye(3), still)
+
+    hover = Target(frame.cog, still, still, np.eye(3), still)
+    state = controller.tick(measured, hover, controller.start(), 0.005, force_dt=0.0)[0]
+    for _ in range(round(seconds / 0.005)):
+        state = controller.tick(measured, asked(0.0), state, 0.005, force_dt=0.0)[0]
+
+    def tick(extra=0.0):
+        command = controller.tick(measured, asked(extra), state, 0.005, force_dt=0.0)[1]
+        thrust = command.thrust.reshape(controller.apparatuses, -1).sum(1)
+        forces = forces_of(frame.mounts, thrust, joint_order(frame.mounts, command.gimbals))
+        poses = forward(robot.tree, np.eye(3), still, robot.angles(angles))
+        loads = force_loads(
+            robot.tree, controller.gimbals, frame.mounts,
+            joint_order(frame.mounts, command.gimbals), *poses, frame.cog, frame.axes, 9.81,
+            controller.law.joints, controller.law.joint_limit,
+        )  # fmt: skip
+        use = np.abs(loads.bias + loads.rows @ forces) / loads.limit
+        return forces, use.max(), np.abs(frame.scale * (command.given - command.wanted)).max()
+
+    return tick
+
+
+def test_internal_forces_ease_in_and_end_within_the_joints_limits(robot):
+    eased = flight_controller(robot, allocator="constrained")
+    abrupt = flight_controller(robot, allocator="constrained", internal_time=(1e-9, 1e-9))
+    _, first, missed = held_for(robot, eased, 0.005)()
+    assert first > 1.05 and missed < 1e-6, "the wrench is met before the joints are relieved"
+    moved = {}
+    for name, controller in (("eased", eased), ("abrupt", abrupt)):
+        tick = held_for(robot, controller, 6.0)
+        forces, use, missed = tick()
+        assert use < 1.0 + 1e-3 and missed < 1e-6
+        nudges = 0.01 * np.eye(3)
+        moved[name] = max(np.linalg.norm(tick(e)[0] - forces) for e in nudges) / 0.01
+    assert moved["eased"] < 1.5 < moved["abrupt"], moved
+
+
+def test_rounds_that_do_not_settle_promise_the_least(robot):
+    start = place(robot, resting_joints(robot, BENT), np.array([0.0, 0.0, 4.0]))
+    found = forecast(robot, flight_controller(robot, allocator="constrained"), start, "torque")
+    assert not found.settled and found.held <= found.at_posture * (1 + 1e-9)
+    assert found.to_json()["settled"] is False
+
+
+STRAIGHT = {"joint1_yaw": 0.0, "joint2_yaw": 0.0, "joint3_yaw": 0.0}
+
+
+def test_a_singular_posture_is_refused(robot):
     with pytest.raises(SnakegenError, match="singular"):
-        prepare(robot, "hover", options={"posture": straight})
+        prepare(robot, "push", options={"posture": STRAIGHT})
+    with pytest.raises(SnakegenError, match="margin is 0"):
+        prepare(robot, "push", allocator="constrained", options={"posture": STRAIGHT})
+    with pytest.raises(SnakegenError, match="singular"):
+        prepare(robot, "hover", options={"posture": STRAIGHT})
+
+
+def test_a_singular_posture_that_is_forced_fails_for_all_to_see(robot):
+    options = {"posture": STRAIGHT, "force": True}
+    recording = run(robot, "push", ideal=True, options=options)
+    assert np.all(recording.channel("sigma_min").values[:10] < 0.02)
+    assert recording.meta["stopped"] and recording.metrics["ratio"] < 0.05
+    assert not recording.verdict.passed and not recording.metrics["completed"]
