@@ -15,6 +15,7 @@ from snakegen.spec import Plant as PlantSpec
 from snakegen.spec_file import load_spec
 from snakegen.verify import wiring
 from snakegen.verify.missions.hover import plan as hover
+from snakegen.verify.monte_carlo import Spread
 from snakegen.verify.plant import Imperfections, battery_energy
 from snakegen.verify.rotor_signals import roll_moments
 from snakegen.verify.run import prepare, run
@@ -266,6 +267,8 @@ def test_gust_rises_to_its_peak_and_leaves_nothing():
 
 def test_every_field_of_the_specs_plant_reaches_the_loop(dragon4):
     spec = PlantSpec().model_dump()
+    ranges = spec.pop("uncertainty")
+    assert ranges == vars(Spread()) == dragon4.modules.uncertainty
     known = {f.name for f in fields(Imperfections)} - {"thrust_scale"}
     assert set(spec) == known
     assert Imperfections.of(dragon4.modules.plant) == Imperfections(
