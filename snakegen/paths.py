@@ -94,9 +94,15 @@ def waypoints(points: ArrayLike, radius: float) -> tuple[list[Piece], tuple[floa
     lies. A corner of turn β uses up ``radius · tan(β/2)`` of both its legs; raises AnalysisError
     with the largest radius that would fit when a leg is too short.
     """
-    p = np.asarray(points, float)
-    if p.ndim != 2 or p.shape[1] != 2 or len(p) < 2 or not np.isfinite(p).all():
-        raise AnalysisError(f"way points must be at least two finite x, y pairs; got {p.shape}.")
+    try:
+        p = np.asarray(points, float)
+    except (TypeError, ValueError):
+        raise AnalysisError("way points must be x, y pairs, as in [[0, 0], [2, 1]].") from None
+    if p.ndim != 2 or p.shape[1] != 2 or len(p) < 2:
+        raise AnalysisError(f"way points must be at least two x, y pairs; got {p.shape}.")
+    if not np.isfinite(p).all():
+        bad = int(np.argmin(np.isfinite(p).all(axis=1)))
+        raise AnalysisError(f"way point {bad} is {p[bad].tolist()}: finite numbers are needed.")
     legs = np.diff(p, axis=0)
     lengths = np.hypot(legs[:, 0], legs[:, 1])
     if (lengths == 0).any():
@@ -125,11 +131,14 @@ class TimeLaw:
     acceleration: float = math.inf
 
     def __post_init__(self) -> None:
-        """Raises AnalysisError unless speed and acceleration are positive."""
+        """Raises AnalysisError unless speed and acceleration are positive, stretches finite."""
         if not self.speed > 0 or not self.acceleration > 0:
             raise AnalysisError(
                 f"speed and acceleration must be positive; got {self.speed}, {self.acceleration}."
             )
+        if not all(0 <= length < math.inf for length in self.stretches):
+            worst = min(self.stretches)
+            raise AnalysisError(f"a way of {worst:g} m cannot be travelled; 0 m or more can.")
 
     @cached_property
     def _phases(self) -> list[tuple[float, float, float, float]]:

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from scipy.spatial import ConvexHull
 
 from snakegen import log
-from snakegen.errors import AnalysisError, MissionError
+from snakegen.errors import AnalysisError, MissionError, SnakegenError
 from snakegen.robot import load
 from snakegen.screw_robot import drive_geometry
 from snakegen.spec_file import load_spec
@@ -279,6 +279,28 @@ def test_friction_is_what_drives(screw4):
 def test_what_cannot_be_driven_is_refused_with_the_number(screw4, options, error, says):
     with pytest.raises(error, match=says):
         run(screw4, "lcrank", options=options)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "says"),
+    [
+        ("lcrank", {"duration": -3.0}, "duration -3 s"),
+        ("lcrank", {"gain": -1.0}, "gain -1 1/s"),
+        ("lcrank", {"feedback": "maybe"}, "true or false"),
+        ("square", {"side": 0.0}, "a way of 0 m"),
+        ("square", {"side": -1.0}, "a way of -1 m"),
+        ("gap", {"length": -1.0}, "-1 m long"),
+        ("gap", {"plant": "kinematic"}, "use plant=contact"),
+        ("ledge", {"plant": "kinematic"}, "use plant=contact"),
+        ("ledge", {"height": 0.06}, r"61\.8°; they turn 45\.0°"),
+        ("rough", {"compliance": 0.0}, "compliance 0"),
+        ("follow", {"points": [[0, 0], [1, math.nan]]}, "way point 1"),
+        ("follow", {"points": [[0, 0], [1]]}, "x, y pairs"),
+    ],
+)
+def test_options_that_no_drive_can_have_are_refused(screw4, name, options, says):
+    with pytest.raises(SnakegenError, match=says):
+        run(screw4, name, options=options)
 
 
 def test_missions_say_what_they_need(screw4):

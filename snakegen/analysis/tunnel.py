@@ -184,5 +184,7 @@ def _centreline(
 
 
 def _mm(metres: float) -> str:
-    """Returns a length in millimetres, as people say it."""
+    """Returns a length as people say it: mm below a metre."""
+    if abs(metres) >= 1.0:
+        return f"{metres:.3g} m"
     return f"{1e3 * metres:.3g} mm" if abs(metres) > 1e-9 else "0 mm"

@@ -19,7 +19,10 @@ def circle(
     """
     n = finite(normal, (3,), "normal")
     if not (radius > 0 and duration > 0 and dt > 0 and np.linalg.norm(n) > 0):
-        raise AnalysisError("circle: radius, duration and dt above 0 and a normal are needed.")
+        raise AnalysisError(
+            f"circle: radius {radius:g} m, duration {duration:g} s and dt {dt:g} s must be above "
+            "0, its normal no zero vector."
+        )
     first, second = np.linalg.svd(n[None])[2][1:]
     t = np.linspace(0.0, 1.0, max(int(round(duration / dt)), 2) + 1)
     angle = 2 * np.pi * t**3 * (10 - 15 * t + 6 * t * t)  # rate and acceleration vanish at the ends
@@ -73,5 +76,6 @@ def checked_path(path: ArrayLike) -> Floats:
             raise AnalysisError(f"path: {why}; a CSV of x,y,z in metres is needed.") from None
     out = np.asarray(path, float)
     if out.ndim != 2 or out.shape[1] != 3 or len(out) < 2:
-        raise AnalysisError(f"path: shape {out.shape} given, (m, 3) with m ≥ 2 needed.")
+        given = " × ".join(map(str, out.shape))
+        raise AnalysisError(f"path: {given} numbers; two rows or more of x,y,z are needed.")
     return finite(out, out.shape, "path")

@@ -59,6 +59,23 @@ class DrivePlan:
     events: tuple[tuple[float, str], ...] = ()
     facts: dict[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Raises MissionError for numbers that no drive can have."""
+        gain = np.asarray(self.gain, float)
+        if not (np.isfinite(self.duration) and self.duration > 0):
+            raise MissionError(f"duration {self.duration:g} s: more than 0 is needed.")
+        if not (np.all(np.isfinite(gain)) and np.all(gain >= 0)):
+            raise MissionError(f"gain {gain.min():g} 1/s: 0 or more is needed, or it runs away.")
+        if not isinstance(self.feedback, bool):
+            raise MissionError(f"feedback {self.feedback!r}: true or false is needed.")
+        if not (np.isfinite(self.compliance) and self.compliance > 0):
+            raise MissionError(f"compliance {self.compliance:g}: more than 0 is needed.")
+
+
+def lasting(options: dict[str, Any], own: float) -> float:
+    """Returns the duration asked for [s], else the mission's own."""
+    return own if options["duration"] is None else float(options["duration"])
+
 
 def can_drive(robot: Robot) -> bool:
     """Tells whether a robot is a drive: a floating base and two or more drums."""
@@ -83,6 +100,8 @@ def time_law(length: float, speed: float, acceleration: float) -> TimeLaw:
             f"speed {speed:g} m/s and acceleration {acceleration:g} m/s²: more than 0 is needed "
             "(0 acceleration: at once)."
         )
+    if not length > 0:
+        raise MissionError(f"a way of {length:g} m: more than 0 is needed.")
     return TimeLaw((length,), speed, acceleration or math.inf)
 
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from snakegen import __version__
+from snakegen.errors import MissionError
 from snakegen.geometry import Floats
 from snakegen.robot import Robot
 from snakegen.screw_motion import ScrewGeometry
@@ -95,7 +96,13 @@ def judge(
 
 
 def beside_open_ground(free: dict[str, Any]) -> dict[str, Any]:
-    """Returns the figures of the same drive on open ground, named so."""
+    """Returns the figures of the same drive on open ground, named so.
+
+    Raises:
+        MissionError: a drive that touched nothing.
+    """
+    if "wheel_load_max_n" not in free:
+        raise MissionError("the kinematic plant knows flat ground alone; use plant=contact.")
     names = ("distance_rmse_m", "distance_end_m", "screw_torque_max_n_m", "wheel_load_max_n")
     return {f"open_ground_{name}": free[name] for name in (*names, "cone_use_mean")}
 

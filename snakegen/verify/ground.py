@@ -12,6 +12,11 @@ THICK = 0.03  # m, half thickness of walls and ceilings
 
 def duct(x: tuple[float, float], width: float, height: float) -> tuple[Box, ...]:
     """Returns two walls and a ceiling round the x axis, from x[0] to x[1] [m]."""
+    if not (x[1] > x[0] and width > 0 and height > 0):
+        raise MissionError(
+            f"a duct {x[1] - x[0]:g} m long, {width:g} m wide and {height:g} m high: more than 0 "
+            "is needed."
+        )
     middle, half = 0.5 * (x[0] + x[1]), 0.5 * (x[1] - x[0])
     aside, up = 0.5 * width + THICK, 0.5 * height
     return (

@@ -5,7 +5,7 @@ from typing import Any
 from snakegen.errors import MissionError, near
 from snakegen.paths import NAMED, Path, waypoints
 from snakegen.robot import Robot
-from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, following
+from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, following, lasting
 from snakegen.verify.drive_record import drive
 from snakegen.verify.recording import Recording
 
@@ -31,7 +31,7 @@ def fly(
     plan = DrivePlan(
         reference,
         reference.at(0.0)[0],
-        o["duration"] or reference.duration + 2.0,
+        lasting(o, reference.duration + 2.0),
         o["gain"],
         o["feedback"],
         events=((reference.duration, "end of the path"),),

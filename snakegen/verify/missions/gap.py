@@ -7,12 +7,12 @@ there too: straight ahead, their no-slip conditions are those of the ground.
 from typing import Any
 
 from snakegen.robot import Robot
-from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, following
+from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, following, lasting
 from snakegen.verify.drive_record import beside_open_ground, drive
 from snakegen.verify.ground import duct
 from snakegen.verify.recording import Recording
 
-OPTIONS: dict[str, list[Any]] = {k: v for k, v in COMMON.items() if k != "plant"} | {
+OPTIONS: dict[str, list[Any]] = COMMON | {
     "side": [0.0, "m, room on each side of the drums"],
     "above": [-0.0005, "m, room over the drums; less than 0: the ceiling presses on them"],
     "entry": [0.25, "m ahead of the head, where the duct begins"],
@@ -39,7 +39,7 @@ def fly(
     plan = DrivePlan(
         reference,
         reference.at(0.0)[0],
-        o["duration"] or reference.duration + 1.0,
+        lasting(o, reference.duration + 1.0),
         o["gain"],
         o["feedback"],
         obstacles=duct(span, width, height),
@@ -47,7 +47,7 @@ def fly(
         facts={"width_m": width, "height_m": height},
         thresholds={"distance_end_m": {"at_most": 0.01}},
     )
-    how: dict[str, Any] = {"seed": seed, "ideal": ideal}
+    how: dict[str, Any] = {"plant": o["plant"], "seed": seed, "ideal": ideal}
     open_plan = DrivePlan(reference, plan.start, plan.duration, plan.gain, plan.feedback)
     free = drive(robot, "gap", open_plan, **how).metrics
     return drive(robot, "gap", plan, progress=progress, more=beside_open_ground(free), **how)

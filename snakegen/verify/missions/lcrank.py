@@ -10,7 +10,7 @@ from snakegen.geometry import Floats
 from snakegen.paths import l_crank
 from snakegen.robot import Robot
 from snakegen.screw_robot import yaw_joints
-from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, following
+from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, following, lasting
 from snakegen.verify.drive_record import drive
 from snakegen.verify.recording import Recording
 
@@ -48,7 +48,7 @@ def fly(
     plan = DrivePlan(
         reference,
         start,
-        o["duration"] or reference.duration + 2.0,
+        lasting(o, reference.duration + 2.0),
         o["gain"],
         o["feedback"],
         events=((0.0, f"start {o['start']}"), (reference.duration, "end of the path")),

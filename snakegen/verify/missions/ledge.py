@@ -14,12 +14,12 @@ from snakegen.robot import Robot
 from snakegen.screw_robot import drive_geometry, yaw_joints
 from snakegen.verify.drive import pitch_joints
 from snakegen.verify.drive_gait import Pace, crossing
-from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive
+from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, lasting
 from snakegen.verify.drive_record import drive
 from snakegen.verify.ground import ledge
 from snakegen.verify.recording import Recording
 
-OPTIONS: dict[str, list[Any]] = {k: v for k, v in COMMON.items() if k != "plant"} | {
+OPTIONS: dict[str, list[Any]] = COMMON | {
     "height": [0.03, "m, of the ledge"],
     "length": [1.2, "m, of the ledge"],
     "lift": [True, "false: pitch joints stay at 0"],
@@ -67,7 +67,7 @@ def fly(
     plan = DrivePlan(
         gait,
         gait.at(0.0)[0],
-        o["duration"] or gait.duration + 1.0,
+        lasting(o, gait.duration + 1.0),
         o["gain"],
         o["feedback"],
         lift=gait.lift if o["lift"] else None,
@@ -83,4 +83,5 @@ def fly(
             "tilt_max_rad": {"at_most": 0.5},
         },
     )
-    return drive(robot, "ledge", plan, seed=seed, ideal=ideal, progress=progress)
+    how = {"plant": o["plant"], "seed": seed, "ideal": ideal, "progress": progress}
+    return drive(robot, "ledge", plan, **how)

@@ -11,12 +11,12 @@ import numpy as np
 
 from snakegen.errors import MissionError
 from snakegen.robot import Robot
-from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, following
+from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, following, lasting
 from snakegen.verify.drive_record import beside_open_ground, drive
 from snakegen.verify.ground import pipe
 from snakegen.verify.recording import Recording
 
-OPTIONS: dict[str, list[Any]] = {k: v for k, v in COMMON.items() if k != "plant"} | {
+OPTIONS: dict[str, list[Any]] = COMMON | {
     "room": [0.001, "m, between drums and pipe all round; less than 0: the pipe presses on them"],
     "staves": [16, "1, flats that make the pipe's section; the lowest is the ground"],
     "entry": [0.25, "m ahead of the head, where the pipe begins"],
@@ -47,8 +47,8 @@ def check_fit(robot: Robot, radius: float, room: float, staves: int) -> None:
         if caster.track > most:
             raise MissionError(
                 f"the balls of {caster.link} stand {caster.track:g} m apart; a pipe "
-                f"{2 * radius:g} m wide takes {math.floor(1e3 * most) / 1e3:g} m: narrow the "
-                "spec's caster.track."
+                f"{2 * radius:g} m wide takes {math.floor(1e3 * most) / 1e3:g} m: "
+                f"--set caster.track={math.floor(1e3 * most) / 1e3:g}"
             )
 
 
@@ -70,7 +70,7 @@ def fly(
     plan = DrivePlan(
         reference,
         reference.at(0.0)[0],
-        o["duration"] or reference.duration + 1.0,
+        lasting(o, reference.duration + 1.0),
         o["gain"],
         o["feedback"],
         obstacles=pipe((o["entry"], o["entry"] + o["length"]), radius, staves),
@@ -78,7 +78,7 @@ def fly(
         facts={"pipe_diameter_m": 2.0 * radius, "drum_diameter_m": 2.0 * drum},
         thresholds={"distance_end_m": {"at_most": 0.01}},
     )
-    how: dict[str, Any] = {"seed": seed, "ideal": ideal}
+    how: dict[str, Any] = {"plant": o["plant"], "seed": seed, "ideal": ideal}
     open_plan = DrivePlan(reference, plan.start, plan.duration, plan.gain, plan.feedback)
     free = drive(robot, "pipe", open_plan, **how).metrics
     return drive(robot, "pipe", plan, progress=progress, more=beside_open_ground(free), **how)

@@ -6,12 +6,12 @@ import numpy as np
 
 from snakegen.errors import MissionError
 from snakegen.robot import Robot
-from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, curled
+from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, curled, lasting
 from snakegen.verify.drive_record import drive
 from snakegen.verify.ground import tiles
 from snakegen.verify.recording import Recording
 
-OPTIONS: dict[str, list[Any]] = {k: v for k, v in COMMON.items() if k != "plant"} | {
+OPTIONS: dict[str, list[Any]] = COMMON | {
     "height": [0.008, "m, of the highest tile"],
     "size": [0.1, "m, of a tile"],
     "length": [1.2, "m, of the rough stretch"],
@@ -42,7 +42,7 @@ def fly(
     plan = DrivePlan(
         reference,
         reference.at(0.0)[0],
-        o["duration"] or reference.duration + 1.0,
+        lasting(o, reference.duration + 1.0),
         o["gain"],
         o["feedback"],
         compliance=o["compliance"],
@@ -55,4 +55,5 @@ def fly(
             "slip_mean_m_s": {"at_most": 0.05},
         },
     )
-    return drive(robot, "rough", plan, seed=seed, ideal=ideal, progress=progress)
+    how = {"plant": o["plant"], "seed": seed, "ideal": ideal, "progress": progress}
+    return drive(robot, "rough", plan, **how)

@@ -5,7 +5,7 @@ from typing import Any
 from snakegen.paths import square
 from snakegen.robot import Robot
 from snakegen.screw_robot import yaw_joints
-from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, time_law
+from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, lasting, time_law
 from snakegen.verify.drive_record import drive
 from snakegen.verify.recording import Recording
 
@@ -32,7 +32,7 @@ def fly(
     plan = DrivePlan(
         reference,
         reference.at(0.0)[0],
-        o["duration"] or reference.duration + 1.0,
+        lasting(o, reference.duration + 1.0),
         (k, k, k, *[0.0] * joints),
         o["feedback"],
         events=tuple((i * law.duration, f"corner {i}") for i in range(1, 5)),
