@@ -77,6 +77,7 @@ def main() -> None:
                 mark = " " if m["tracking_lost"] else "+"
                 at = m["limit_ratio"] or np.nan
                 end = f"ratio {m['ratio']:5.3f}{mark}, first limit at {at:5.3f}"
+                end += "" if f["settled"] else ", least of rounds that do not settle"
                 cells.append(f"{allocator} {size} {end} {f['stopped'][:2]}")
             print(f"  {i}: " + " | ".join(cells), flush=True)
         for allocator, kept in ratios.items():
