@@ -67,3 +67,11 @@ def test_a_rotor_lost_gives_nothing_and_the_controller_asks_nothing_of_it(robot)
     assert recording.channel("thrust").values[late, k].max() < 0.01
     assert recording.channel("thrust_command").values[late, k].max() == 0.0
     assert recording.channel("thrust").values[time < 0.29, k].min() > 1.0
+
+
+def test_a_hybrid_drives_and_then_flies_in_one_log():
+    options = {"distance": 0.3, "climb": 3.0, "hover": 1.0, "height": 0.5}
+    recording = run(load("hybrid4"), "drive_fly", options=options)
+    assert recording.verdict.passed, recording.verdict.summary()
+    height = recording.channel("position").values[:, 2]
+    assert height[-1] > height[0] + 0.4

@@ -58,8 +58,8 @@ def flight_report(recording: Recording) -> str:
 def _head(meta: dict[str, Any]) -> str:
     said = [
         f"in {str(meta['mode']).replace('_', '-')} mode",
-        f"gains `{meta['gains'] or 'Table 5'}`",
-        f"{meta['allocator']} allocator",
+        f"gains `{meta.get('gains') or 'Table 5'}`",
+        f"{meta.get('allocator', 'paper')} allocator",
         "perfect sensors and rotors" if meta["ideal"] else f"seed {meta['seed']}",
     ]
     text = f"## {meta['robot']}: {meta['mission']}\n\n" + ", ".join(said) + "."

@@ -61,6 +61,7 @@ def fly(
     controller = flight_controller(robot, gain_set(robot, None))
     check_start(robot, controller, climb)
     meta = {"mission": "drive_fly", "mode": "drive, then flight", "ideal": ideal, "options": o}
+    meta |= {"gains": str(control.get("gains", "")), "allocator": "paper"}
     rate = float(control.get("position_rate", 40.0))
     ready = Ready(robot, climb, controller, imperfections, rate, meta)
     rng = np.random.default_rng(seed)
