@@ -27,6 +27,7 @@ PAGES: tuple[tuple[str, tuple[str, ...]], ...] = (
         ),
     ),
     ("Safety", ("clearance", "contact", "friction use", "disturbance")),
+    ("Vibration", ("modal energy", "elastic angles")),
     ("State", ("position", "attitude", "velocity", "state error")),
 )
 
