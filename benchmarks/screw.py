@@ -1,6 +1,6 @@
 """Screw drive in figures: model against contact, tracking, singular shapes, speeds.
 
-Run: python benchmarks/screw.py [--only twist|track|hold|speed|model] [--preset screw4].
+Run: python benchmarks/screw.py [--only twist|track|hold|speed|terrain|model] [--preset screw4].
 With --preset, contact is that of the MJCF built from that preset's URDF, and not of a bare chain.
 Two things are always compared in one run on one machine; nothing here is asserted.
 """
@@ -23,6 +23,7 @@ from snakegen.screw_motion import hara_chain
 from snakegen.screw_singularity import search_hold
 from snakegen.spec_file import load_spec
 from snakegen.verify.drive import contact_model
+from snakegen.verify.run import run
 from snakegen.verify.screw_contact import ContactDrive, drive_contact, measured_twist
 from snakegen.verify.screw_plant import drive_kinematic
 
@@ -142,6 +143,32 @@ def hold() -> None:
         print()
 
 
+def terrain() -> None:
+    """Screw4's own wheels in a duct, in a pipe and over ledges, beside open ground."""
+    narrow = load(load_spec("screw4", overrides=["caster.track=0.02"]))
+    names = ("distance_rmse_m", "distance_end_m", "screw_torque_max_n_m", "cone_use_mean")
+    print("\nterrain: error of the head RMS and at the end [mm], screw torque [N m], friction use")
+    for what, robot, mission, options in (
+        ("duct as wide as the body, ceiling pressing", load("screw4"), "gap", {}),
+        ("pipe, 1 mm of room", narrow, "pipe", {}),
+        ("pipe, no room", narrow, "pipe", {"room": 0.0}),
+        *(
+            (f"ledge of {h:g} m", load("screw4"), "ledge", {"height": h})
+            for h in (0.02, 0.03, 0.04)
+        ),
+    ):
+        rec = run(robot, mission, options=options)
+        m = rec.metrics
+        tail = f"tilt {m['tilt_max_rad']:.2f} rad  {rec.verdict.summary()}"
+        for kind, head in (("", what), ("open_ground_", "  the same on open ground")):
+            if kind + names[0] in m:
+                a, b, torque, cone = (m[kind + n] for n in names)
+                print(
+                    f"  {head:44s} {1e3 * a:6.2f} {1e3 * b:6.2f} {torque:5.2f} {cone:5.2f}  "
+                    f"{'' if kind else tail}"
+                )
+
+
 def speed() -> None:
     """Steps a second, driving, on one core."""
     print("\nsteps a second at 2 ms, four units, driving ahead: with the loop; mj_step alone")
@@ -181,6 +208,7 @@ def model() -> None:
 
 if __name__ == "__main__":
     tables = {"model": model, "twist": twist, "track": track, "hold": hold, "speed": speed}
+    tables["terrain"] = terrain
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", choices=tables)
     parser.add_argument("--preset", metavar="NAME", help="drive the URDF of this preset")
