@@ -221,7 +221,7 @@ def fly_ticks(
     last: int,
 ) -> tuple[State, int, int]:
     """Flies ticks `first` … `last` − 1; returns memory, the next tick, and how it ended."""
-    tree, rotors, gimbals, law = borrowed((tree, rotors, gimbals, law))
+    tree, rotors, gimbals, law = borrowed((tree, rotors, gimbals, law))  # type: ignore[call-arg]
     sim, wires, damper, plan = borrowed((sim, wires, damper, plan))
     plant, memory, rows = borrowed((plant, memory, rows))
     dt = plant.substeps * plant.timestep
