@@ -1,8 +1,7 @@
 """Margins against pycapacity and two hull iterations: both sides in one run, on one core.
 
 Run: ``python benchmarks/margins.py``. The hyperplane shift of pycapacity and the hull iteration on
-the conic solver Clarabel are timed where these packages are found (``--pycapacity FOLDER``,
-``--clarabel FOLDER`` add a folder to look in: ``pip install --target FOLDER clarabel``).
+the conic solver Clarabel are timed where these are installed (``pip install -e .[bench]``).
 
 The conic hull iteration is the vectored mode as one would write it with a solver at hand: a
 polytope of points of the slice grows by its weakest facet until the bounds agree, and every point
@@ -62,14 +61,14 @@ def line(what, seconds, other="", ratio=None):
     print(f"{what:58s} {seconds * 1e6:12.1f} µs  {other:34s} {gain}")
 
 
-def dual(rng, folder):
+def dual(rng):
     for n, m in ((8, 20000), (16, 500)):
         q, hover = thrust_sets(rng, m, n)
         scales = {"force_scale": 1.0, "torque_scale": 1.0}
         each = timed(thrust_margins, q, 0, 1, hover, **scales) / m
         line(f"dual, {n} rotors of rank 6, all four margins given Q", each)
-        if n == 8 and folder:
-            compare_shift(q, hover, each, folder)
+        if n == 8:
+            compare_shift(q, hover, each)
 
 
 def postures(rng):
@@ -107,9 +106,12 @@ def postures(rng):
     )
 
 
-def compare_shift(q, hover, each, folder):
-    sys.path.append(folder)
-    from pycapacity.algorithms import hyper_plane_shift_method
+def compare_shift(q, hover, each):
+    try:
+        from pycapacity.algorithms import hyper_plane_shift_method
+    except ImportError:
+        print("  hyperplane shift: no pycapacity, see pip install -e .[bench]")
+        return
 
     few = 20
     worst = 0.0
@@ -201,13 +203,12 @@ def conic_iteration(points, limit, hover, tolerance):
     return (*out, solved)
 
 
-def compare_conic(points, hover, found, each, folder):
+def compare_conic(points, hover, found, each):
     """One hull iteration on cone programs to the same tolerance, where the solver is found."""
-    sys.path.append(folder)
     try:
         import clarabel  # noqa: F401
     except ImportError:
-        print("  hull iteration on cone programs: Clarabel is not installed, see --clarabel")
+        print("  hull iteration on cone programs: no Clarabel, see pip install -e .[bench]")
         return
     few, gaps, programs = 20, [], 0
     conic_iteration(points[0], 64.0, hover, 1e-3)
@@ -225,7 +226,7 @@ def compare_conic(points, hover, found, each, folder):
     )
 
 
-def vectored(rng, folder):
+def vectored(rng):
     for n in (4, 8):
         m = 4000
         points, weight = bodies(rng, m, n), n * MASS * 9.81
@@ -244,7 +245,7 @@ def vectored(rng, folder):
             timed(vectored_margins, points[slowest : slowest + 1], 64.0, hover, **scales),
         )
         if n == 4:
-            compare_conic(points, hover, found, each, folder)
+            compare_conic(points, hover, found, each)
             few = 3
             start = time.process_time()
             gaps = []
@@ -261,15 +262,12 @@ def vectored(rng, folder):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--pycapacity", default="", help="folder that holds the package")
-    parser.add_argument("--clarabel", default="", help="folder that holds the package")
-    options = parser.parse_args()
+    argparse.ArgumentParser(description=__doc__).parse_args()
     rng = np.random.default_rng(0)
     print(f"load before: {' '.join(f'{x:.2f}' for x in os.getloadavg())} on {os.cpu_count()} cores")
-    dual(rng, options.pycapacity)
+    dual(rng)
     postures(rng)
-    vectored(rng, options.clarabel)
+    vectored(rng)
 
 
 if __name__ == "__main__":
