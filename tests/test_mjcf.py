@@ -11,6 +11,7 @@ import yourdfpy
 import snakegen
 from snakegen.description.mjcf_files import load_model, split
 from snakegen.spec_file import load_spec
+from snakegen.verify.world import make_world
 
 FIELDS = """body_mass body_inertia body_pos body_quat jnt_range dof_armature geom_size geom_rgba
 geom_contype actuator_gainprm actuator_forcerange actuator_trnid exclude_signature key_qpos key_ctrl
@@ -46,6 +47,35 @@ def test_bodies_and_joints_are_named_as_in_the_urdf(dragon4):
     assert set(names(model, mujoco.mjtObj.mjOBJ_JOINT, model.njnt)) == joints | {"root"}
     driven = set(names(model, mujoco.mjtObj.mjOBJ_ACTUATOR, model.nu))
     assert driven == joints | {f"rotor{j}_{k}" for j in range(1, 5) for k in (1, 2)}
+
+
+@pytest.mark.parametrize("name", ["dragon3", "dragon4", "hybrid4"])
+def test_home_is_a_hover(name, tmp_path):
+    """With the keyframe's controls held, the CoG stays where it is: unequal thrusts as well."""
+    model = load_model(snakegen.build(name, tmp_path, picture=False).scene)
+    data = at_key(model, "home")
+    mujoco.mj_forward(model, data)
+    before = data.subtree_com[1].copy()
+    while data.time < 1.0:
+        mujoco.mj_step(model, data)
+    assert np.linalg.norm(data.subtree_com[1] - before) < 5e-3
+    assert np.abs(data.qvel).max() < 0.02
+
+
+def test_a_body_without_geometry_becomes_a_model(tmp_path):
+    """Links with mass alone, as a foreign URDF may have them."""
+    links = "".join(
+        f'<link name="l{i}"><inertial><origin xyz="0.1 0 0"/><mass value="0.5"/><inertia ixx="1e-3"'
+        ' iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for i in (1, 2)
+    )
+    joint = (
+        '<joint name="j" type="revolute"><parent link="l1"/><child link="l2"/><origin xyz="0.2 0 0"'
+        '/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="2" velocity="3"/></joint>'
+    )
+    (tmp_path / "bare.urdf").write_text(f'<robot name="bare">{links}{joint}</robot>')
+    world = make_world(snakegen.load(tmp_path / "bare.urdf"))
+    assert world.model.body_subtreemass[0] == pytest.approx(1.0)
 
 
 def test_readers_agree_on_the_mass(dragon4):

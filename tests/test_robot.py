@@ -2,14 +2,17 @@
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import snakegen
+from snakegen.analysis import along, mass
 from snakegen.analysis.allocation import allocation
-from snakegen.errors import DescriptionError, PostureError, SnakegenError, SpecError
+from snakegen.errors import AnalysisError, DescriptionError, PostureError, SnakegenError, SpecError
 from snakegen.spec_file import load_spec, presets
+from snakegen.verify.world import make_world
 
 FOREIGN = """<?xml version="1.0"?>
 <robot name="foreign">
@@ -105,6 +108,29 @@ def test_foreign_urdf_with_modules(tmp_path: Path) -> None:
     assert found.mass == pytest.approx(2.4)
     turned = robot.configuration({"tilt": 0.4})
     np.testing.assert_allclose(allocation(robot, turned).dual, found.dual, atol=1e-12)
+
+
+def test_mass_is_that_of_the_whole_body() -> None:
+    """A fixed root link counts, as MuJoCo counts it; the row says how much of it is held."""
+    robot = snakegen.load("arm6")
+    q = robot.configuration({"joint1_yaw": 0.7, "joint3_pitch": -0.4})
+    world = make_world(robot)
+    data = mujoco.MjData(world.model)
+    world.set_state(data, q)
+    mujoco.mj_forward(world.model, data)
+    found = mass.analyze(robot, q)
+    assert found.mass == pytest.approx(world.model.body_subtreemass[0], rel=1e-9)
+    np.testing.assert_allclose(found.cog, data.subtree_com[0], atol=1e-9)
+    assert "of it the fixed root link" in dict(found.rows())["mass"]
+
+
+def test_a_motion_with_a_column_that_is_no_joint_is_refused(tmp_path: Path) -> None:
+    """A mistyped joint would else stay where the posture has it, unsaid."""
+    robot = snakegen.load("dragon4")
+    table = tmp_path / "w.csv"
+    table.write_text("time,joint1_yaw,joint2_ywa\n0,0.5,0.5\n1,-0.5,0.1\n")
+    with pytest.raises(AnalysisError, match=r"'joint2_ywa' is no joint .* mean 'joint2_yaw'"):
+        along.analyze(robot, robot.configuration(), table=str(table))
 
 
 def test_foreign_urdf_without_modules_is_an_arm(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from snakegen.errors import AnalysisError
+from snakegen.errors import AnalysisError, near
 from snakegen.geometry import Floats
 from snakegen.robot import Robot
 from snakegen.sweep.batch import Body, evaluate
@@ -123,6 +123,13 @@ def _columns(robot: Robot, path: Path) -> tuple[tuple[str, ...], Floats | None]:
     except (OSError, pa.ArrowException) as error:
         reason = str(error).splitlines()[0]
         raise AnalysisError(f"{path}: cannot be read as CSV or Parquet ({reason}).") from None
+    known = ("time", *robot.chain_joints)
+    for column in table.column_names:
+        if column not in known:
+            raise AnalysisError(
+                f"{path.name}: column '{column}' is no joint that shapes {robot.name}."
+                f"{near(column, known)}"
+            )
     names = tuple(n for n in robot.chain_joints if n in table.column_names)
     if not names:
         raise AnalysisError(f"{path.name} names no joint of {robot.name}.")

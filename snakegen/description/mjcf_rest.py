@@ -28,8 +28,7 @@ def add_from_rest(spec: mujoco.MjSpec, root: Any, modules: Modules) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     _exclude_touching(spec, model, data)
-    low = (data.geom_xpos - model.geom_rbound[:, None]).min(axis=0)
-    high = (data.geom_xpos + model.geom_rbound[:, None]).max(axis=0)
+    low, high = _box(model, data)
     centre, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
     spec.stat.center = [0.0, 0.0, 0.5]
     spec.stat.extent = round(2.0 * radius, 3)
@@ -38,6 +37,14 @@ def add_from_rest(spec: mujoco.MjSpec, root: Any, modules: Modules) -> None:
     _camera_and_light(root, centre, radius)
     spec.visual.quality.shadowsize = 8192
     _keyframes(spec, model, data, modules)
+
+
+def _box(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:
+    """Returns the corners of a box round the robot; round its bodies where it has no geometry."""
+    places, radii = data.geom_xpos, model.geom_rbound[:, None]
+    if model.ngeom == 0:
+        places, radii = data.xpos[1:], np.full((model.nbody - 1, 1), 0.1)
+    return (places - radii).min(axis=0), (places + radii).max(axis=0)
 
 
 def _exclude_neighbours(spec: mujoco.MjSpec) -> None:
@@ -96,19 +103,44 @@ def _keyframes(
     spec: mujoco.MjSpec, model: mujoco.MjModel, data: mujoco.MjData, modules: Modules
 ) -> None:
     """Adds `home` (1 m up, hover thrust; a drive without rotors stands) and `floor` (at rest)."""
-    thrust = np.zeros(model.nu)
     rotors = [r for a in modules.apparatuses for r in a.rotors]
-    if rotors and modules.floating:
-        share = float(model.body_mass.sum()) * GRAVITY / len(rotors)
-        for rotor in rotors:
-            thrust[model.actuator(rotor.link).id] = min(share, rotor.thrust_max)
+    thrust = _hover_thrust(model, data, rotors) if modules.floating else np.zeros(model.nu)
     home, floor = np.array(model.qpos0), np.array(model.qpos0)
     if modules.floating:
-        floor[2] = model.qpos0[2] - lowest_point(model, data)
+        low = lowest_point(model, data)
+        floor[2] = model.qpos0[2] - (low if np.isfinite(low) else 0.0)
         home[2] = floor[2] if modules.screws and not rotors else 1.0
     act = thrust[[i for i in range(model.nu) if model.actuator_dyntype[i]]]
     spec.add_key(name="home", qpos=home, ctrl=thrust, act=act)
     spec.add_key(name="floor", qpos=floor)
+
+
+def _hover_thrust(model: mujoco.MjModel, data: mujoco.MjData, rotors: list[Any]) -> Floats:
+    """Returns controls (nu,) whose thrusts, of least norm, carry the weight at rest at `data`.
+
+    ``Σ λ_i moment_i = bias`` in the six rows of the free joint, moments with drag. Thrusts stay
+    within their limits, so a posture that cannot hover is carried as far as it goes.
+    """
+    control = np.zeros(model.nu)
+    if not rotors:
+        return control
+    data.ctrl[:] = 0.0
+    mujoco.mj_forward(model, data)
+    moment = np.zeros((model.nu, model.nv))
+    mujoco.mju_sparse2dense(
+        moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+    )
+    ids = [model.actuator(rotor.link).id for rotor in rotors]
+    q, wanted = moment[ids, :6].T, data.qfrc_bias[:6]
+    found = np.linalg.lstsq(q, wanted, rcond=1e-9)[0]
+    low = np.array([rotor.thrust_min for rotor in rotors])
+    high = np.array([rotor.thrust_max for rotor in rotors])
+    if np.any(found < low) or np.any(found > high):
+        from scipy.optimize import lsq_linear
+
+        found = lsq_linear(q, wanted, (low, np.maximum(high, low + 1e-9))).x
+    control[ids] = found
+    return control
 
 
 def lowest_point(model: mujoco.MjModel, data: mujoco.MjData) -> float:

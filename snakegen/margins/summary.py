@@ -5,6 +5,10 @@ from typing import Any
 
 import numpy as np
 
+OUT_OF_REACH = "hover is out of reach"
+_MODES = {"virtual_single_rotor": "virtual-single-rotor", "dual_rotor": "dual-rotor"}
+_NAMES = {"attitude_altitude": "[f_z; τ]"}
+
 
 @dataclass(frozen=True)
 class Weakest:
@@ -83,25 +87,38 @@ class Margins:
         out = []
         if self.vectored:
             out.append(("virtual-single-rotor", self._summary(self.vectored, self.vectored_closed)))
-            out += [("", _why(n, self.vectored[n])) for n in ("force", "torque")]
+            told = () if self._falls("virtual_single_rotor") else ("force", "torque")
+            out += [("", _why(n, self.vectored[n])) for n in told]
             out.append(("  paper's allocator", self._controller("virtual_single_rotor")))
             out += self._joints("virtual_single_rotor")
         out.append(("dual-rotor (exact)", self._summary(self.dual, True)))
-        out.append(("", _why("attitude_altitude", self.dual["attitude_altitude"])))
+        if not self._falls("dual_rotor"):
+            out.append(("", _why("attitude_altitude", self.dual["attitude_altitude"])))
         out.append(("  paper's allocator", self._controller("dual_rotor")))
         out += self._joints("dual_rotor")
         for mode, sure in self.guaranteed.items():
-            parts = ", ".join(f"{k} {v:.3g}" for k, v in sure.items())
-            out.append((f"guaranteed, {mode}", parts))
+            units = {"force": " N", "torque": " N m"}
+            parts = ", ".join(
+                f"{_NAMES.get(k, k)} {v:.3g}{units.get(k, '')}" for k, v in sure.items()
+            )
+            out.append((f"guaranteed, {_MODES[mode]}", parts))
         for mode, part, w, f, t in self.failures:
             left = f"wrench {w:.3g}, force {f:.3g} N, torque {t:.3g} N m"
-            out.append((f"without {part}", f"{left} ({mode})" if w >= 0 else f"falls: {left}"))
+            if w < 0:
+                left = f"falls: hover is out of reach by {-w:.3g} (scaled)"
+            out.append((f"without {part}", f"{_MODES[mode]}: {left}"))
         return out
+
+    def _falls(self, mode: str) -> bool:
+        found = self.dual if mode == "dual_rotor" else self.vectored
+        return bool(found) and found["wrench"].value < 0
 
     def _joints(self, mode: str) -> list[tuple[str, str]]:
         j = self.joint_limited.get(mode)
         if j is None:
             return []
+        if self._falls(mode):
+            return [("  within servo limits", OUT_OF_REACH)]
         if not np.isfinite(j.force[1]):
             return [("  within servo limits", "hover itself overloads a joint")]
         at = f"; there {' '.join(j.joints)} at the limit" if j.joints else ""
@@ -124,6 +141,8 @@ class Margins:
         c = self.controller.get(mode)
         if c is None:
             return "not defined"
+        if self._falls(mode) or not np.isfinite([c["force"], c["torque"]]).all():
+            return OUT_OF_REACH
         return f"force {c['force']:.4g} N, torque {c['torque']:.4g} N m before it saturates"
 
 
@@ -132,14 +151,15 @@ def _why(name: str, weakest: Weakest) -> str:
     if not np.isfinite(weakest.direction).all():
         return f"{name}: not defined"
     f, t = weakest.direction[:3], weakest.direction[3:]
+    unit = ("", "") if name in ("force", "torque") else (" N", " N m")
     parts = []
     if name in ("force", "wrench", "attitude_altitude") and np.any(f):
-        parts.append("force {:+.2f} {:+.2f} {:+.2f}".format(*f))
+        parts.append("force {:+.2f} {:+.2f} {:+.2f}".format(*f) + unit[0])
     if name != "force" and np.any(t):
-        parts.append("torque {:+.2f} {:+.2f} {:+.2f}".format(*t))
-    where = f"{name} weakest along {', '.join(parts)}"
+        parts.append("torque {:+.2f} {:+.2f} {:+.2f}".format(*t) + unit[1])
+    where = f"{_NAMES.get(name, name)} weakest along {', '.join(parts)}"
     if not weakest.full and not weakest.idle:
-        return f"{where}: no thrust acts that way"
+        return f"{where}: no thrust acts that way alone"
     full = f"at full thrust: {' '.join(weakest.full)}" if weakest.full else ""
     idle = f"at least thrust: {' '.join(weakest.idle)}" if weakest.idle else ""
     return f"{where}; " + "; ".join(p for p in (full, idle) if p)
