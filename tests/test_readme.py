@@ -17,12 +17,22 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 COMMAND = re.compile(r"^\$ (snakegen .*?)(?:\s+# exit (\d))?$", re.M)
 
 
-def commands() -> list[tuple[str, int]]:
-    """Returns the commands of the console blocks, with the exit code each should have."""
+def commands() -> list[tuple[str, int, str]]:
+    """Returns the commands of the console blocks, the exit code of each and what it prints."""
     blocks = re.findall(r"```console\n(.*?)```", README, re.S)
-    found = [pair for block in blocks for pair in COMMAND.findall(block)]
+    found = []
+    for block in blocks:
+        marks = list(COMMAND.finditer(block))
+        ends = [*(m.start() for m in marks[1:]), len(block)]
+        for mark, end in zip(marks, ends, strict=True):
+            found.append((mark[1], int(mark[2] or 0), block[mark.end() : end].strip()))
     assert sum(block.count("$ ") for block in blocks) == len(found)
-    return [(line, int(code or 0)) for line, code in found]
+    return found
+
+
+def words(text: str) -> str:
+    """Returns `text` with its numbers and line breaks made alike."""
+    return " ".join(re.sub(r"(?<![\w.])[-+]?\d[\d.]*(e[-+]?\d+)?", "#", text).split())
 
 
 def table(first: str) -> set[str]:
@@ -32,13 +42,15 @@ def table(first: str) -> set[str]:
 
 
 def test_every_command_runs(tmp_path: Path) -> None:
-    """In one empty folder, from the first to the last, each exits as the README says."""
+    """In one empty folder, from the first to the last, each exits and prints as the README says."""
     found = commands()
     assert len(found) >= 6
-    for line, expected in found:
+    for line, expected, shown in found:
         shell = line.replace("snakegen", f"{shlex.quote(sys.executable)} -m snakegen", 1)
         ran = subprocess.run(shell, shell=True, capture_output=True, text=True, cwd=tmp_path)
         assert ran.returncode == expected, f"{line}\n{ran.stdout}{ran.stderr}"
+        if shown and expected == 0:
+            assert words(ran.stdout) == words(shown), line
 
 
 def test_the_refusal_is_the_printed_one(tmp_path: Path) -> None:
