@@ -164,7 +164,7 @@ class Robot:
         Raises:
             PostureError: an unknown name (with the near ones), no number, or out of limits.
         """
-        return configuration_of(self, posture or {}, base_rpy, base_position)
+        return configuration_of(self, {} if posture is None else posture, base_rpy, base_position)
 
     def check_q(self, q: Any) -> Floats:
         """Returns `q` as float64 after checking its size and its numbers."""

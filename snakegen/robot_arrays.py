@@ -154,6 +154,11 @@ def configuration_of(
     robot: "Robot", posture: Mapping[str, Any], base_rpy: Any, base_position: Any
 ) -> Floats:
     """Returns q of a posture by joint names; see `Robot.configuration`."""
+    if not isinstance(posture, Mapping):
+        raise PostureError(
+            f"{robot.name}: a posture is a mapping, as in {{'joint1_yaw': 0.5}}, "
+            f"not of type {type(posture).__name__}."
+        )
     given = dict(posture)
     rpy = given.pop("base_rpy", base_rpy)
     position = given.pop("base_position", base_position)
@@ -166,7 +171,7 @@ def configuration_of(
     for name, value in given.items():
         if name not in robot.joint_names:
             known = (*robot.joint_names, "base_rpy", "base_position")
-            raise PostureError(f"{robot.name} has no joint '{name}'.{near(name, known)}")
+            raise PostureError(f"{robot.name} has no joint '{name}'.{near(str(name), known)}")
         angle = _finite(value, name)
         joint = robot.model.joints[robot.model.getJointId(name)]
         low = float(robot.model.lowerPositionLimit[joint.idx_q])

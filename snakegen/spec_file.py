@@ -1,6 +1,8 @@
 """Reading specs: presets, files and overrides, with errors that name the place and the remedy."""
 
+import copy
 import json
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -44,20 +46,29 @@ def load_spec(
         SpecError: one line that says what, where, and what would have worked.
     """
     data, label, folder = _raw(source)
+    given = copy.deepcopy(data)
     before = data["chain"].get("links") if isinstance(data.get("chain"), dict) else None
+    options: dict[str, str] = {}  # names, by the field that they set
     if links is not None:
+        options["chain.links"] = "--links"
         _put(data, ["chain", "links"], links, label)
     if apparatus is not None:
+        options["vectoring_apparatus.at"] = "--apparatus"
         _put(data, ["vectoring_apparatus", "at"], apparatus, label)
     for item in overrides:
         path, equals, text = item.partition("=")
         if not equals or not path.strip():
             raise SpecError(f"--set '{item}': write path=value, as in chain.length=0.3.")
         value = yaml_file.parse(text, f"--set {path.strip()}")
+        options[path.strip()] = f"--set {path.strip()}"
         _put(data, path.strip().split("."), value, label)
     if links is not None and isinstance(before, int) and links != before:
         stretch.refuse_lists(data, before, links, label)
-    return validate(data, label, folder)
+    try:
+        return _checked(data, folder)
+    except ValidationError as error:
+        options = options if _is_valid(given, folder) else {}
+        raise SpecError(_explain(error, data, label, options)) from None
 
 
 def validate(data: Any, label: str, folder: Path = Path()) -> RobotSpec:
@@ -71,9 +82,21 @@ def validate(data: Any, label: str, folder: Path = Path()) -> RobotSpec:
     if not isinstance(data, dict):
         raise SpecError(f"{label}: a spec is a mapping with 'name' and 'chain'.")
     try:
-        return RobotSpec.model_validate(data, context={"folder": folder})
+        return _checked(data, folder)
     except ValidationError as error:
-        raise SpecError(_explain(error, data, label)) from None
+        raise SpecError(_explain(error, data, label, {})) from None
+
+
+def _checked(data: dict[str, Any], folder: Path) -> RobotSpec:
+    return RobotSpec.model_validate(data, context={"folder": folder})
+
+
+def _is_valid(data: dict[str, Any], folder: Path) -> bool:
+    try:
+        _checked(data, folder)
+    except ValidationError:
+        return False
+    return True
 
 
 def schema() -> str:
@@ -104,7 +127,18 @@ def _raw(source: Any) -> tuple[dict[str, Any], str, Path]:
         data = source.model_dump(mode="json", exclude_unset=True, exclude_none=True)
         return data, source.name, source.folder
     if isinstance(source, Mapping):
-        return json.loads(json.dumps(dict(source))), str(source.get("name", "spec")), Path()
+        label = str(source.get("name", "spec"))
+        try:
+            return json.loads(json.dumps(dict(source))), label, Path()
+        except (TypeError, ValueError) as error:
+            raise SpecError(f"{label}: a spec is plain data ({error}).") from None
+    if not isinstance(source, str | Path):
+        raise SpecError(
+            "a robot is a preset's name, a path, a RobotSpec or a mapping, "
+            f"not of type {type(source).__name__}."
+        )
+    if not str(source).strip():
+        raise SpecError("a robot's name is empty; a preset's name or a file's path would do.")
     known = presets()
     if str(source) in known:
         path = known[str(source)]
@@ -113,6 +147,8 @@ def _raw(source: Any) -> tuple[dict[str, Any], str, Path]:
         if path.is_dir():
             raise SpecError(f"{path}: is a folder; a robot is a preset, a .yaml or a .urdf file.")
         if not path.is_file():
+            if path.exists():
+                raise SpecError(f"{path}: is no regular file; a robot is a .yaml or a .urdf file.")
             if path.suffix in (".yaml", ".yml") or path.parent != Path("."):
                 raise SpecError(f"{path}: no such file.")
             raise SpecError(f"no preset and no file '{source}'.{near(str(source), known)}")
@@ -179,35 +215,61 @@ def _is_field(key: Any) -> bool:
     return isinstance(key, int) or (key.isidentifier() and key not in ("float", "int", "list"))
 
 
-def _explain(error: ValidationError, data: dict[str, Any], label: str) -> str:
-    """Returns one line for the most telling of pydantic's errors."""
+def _explain(
+    error: ValidationError, data: dict[str, Any], label: str, options: dict[str, str]
+) -> str:
+    """Returns one line for the most telling of pydantic's errors.
+
+    Args:
+        error: of a spec.
+        data: the spec, its overrides applied.
+        label: names the spec.
+        options: that made a valid spec this one, by the field that they set: to blame instead.
+    """
     errors = error.errors()
     unknown = [e for e in errors if e["type"] == "extra_forbidden"]
     first = unknown[0] if unknown else max(errors, key=lambda e: len(_real_path(e["loc"], data)))
     loc = _real_path(first["loc"], data)
     path = "".join(f"[{k + 1}]" if isinstance(k, int) else f".{k}" for k in loc).lstrip(".")
-    if first["type"] == "extra_forbidden":
+    if unknown:
         prefix = path.rpartition(".")[0]
         hint = _near_field(str(loc[-1]), prefix, _fields_at(loc[:-1]))
         return f"{label} has no field '{path}'.{hint}"
+    text = _mistake(first, path, loc)
+    place = re.match(r"'?([\w.\[\]]+)'?: ", text)
+    field = re.sub(r"\[(\d+)\]", r".\1", place[1] if place else path)
+    if field in options:  # which names the field already, or the text does
+        named = options[field].startswith("--set")
+        return (
+            f"--set {text}."
+            if named
+            else f"{options[field]}: {text.removeprefix(place[0] if place else '')}."
+        )
+    inside = [o for f, o in options.items() if f"{field}.".startswith(f"{f}.")]
+    around = [o for f, o in options.items() if f.startswith(f"{field}.")]
+    return f"{', '.join(inside or around or options.values()) or label}: {text}."
+
+
+def _mistake(first: Any, path: str, loc: tuple[Any, ...]) -> str:
+    """Returns what is wrong at `path`, named first, in the words of one of pydantic's errors."""
     if first["type"] == "missing" and isinstance(first["loc"][-1], int):
         given, least = first["input"], first["loc"][-1] + 1
-        return f"{label}: '{path}': {least} or more entries are needed (got {list(given)})."
+        return f"'{path}': {least} or more entries are needed (got {list(given)})"
     if first["type"] == "missing":
-        return f"{label}: '{path}' is needed."
+        return f"'{path}' is needed"
     message = first["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
-    message = message[0].lower() + message[1:] if first["type"] != "value_error" else message
     if first["type"] == "value_error":
-        same = message.startswith(path) or not path
-        return f"{label}: {message}." if same else f"{label}: '{path}': {message}."
+        return str(message) if message.startswith(path) or not path else f"'{path}': {message}"
+    message = message[0].lower() + message[1:]
     if first["type"] in ("model_type", "model_attributes_type", "dict_type"):
         parts = [f"{path}.{name}" for name in _fields_at((*loc, "")) or ["…"]]
-        return f"{label}: '{path}' is a section; set {', '.join(parts[:3])} …."
+        return f"'{path}' is a section; set {', '.join(parts[:3])} …"
     if first["type"] == "tuple_type":
         message = "three numbers in a list are needed"
+    if first["type"] == "string_pattern_mismatch":
+        message = "letters (a to z, A to Z), digits and _ are needed, a letter first"
     given = first["input"]
-    shown = "" if isinstance(given, dict) else f" (got {given!r})"
-    return f"{label}: '{path}': {message}{shown}."
+    return f"'{path}': {message}" + ("" if isinstance(given, dict) else f" (got {given!r})")
 
 
 def _real_path(loc: tuple[Any, ...], data: Any) -> tuple[Any, ...]:

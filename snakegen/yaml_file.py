@@ -1,7 +1,13 @@
-"""Plain YAML only: no tags, no anchors, no repeated keys, no text that xacro would run."""
+"""Plain YAML only: no tags, no anchors, no repeated keys, no text that xacro would run.
 
+A word is read as YAML 1.2's core schema reads it (https://yaml.org/spec/1.2.2, section 10.3.2):
+1:30 is no 90, 010 no 8, `yes` no true, 1e3 a number. What is none of its numbers stays text, so
+that whoever needed a number says so.
+"""
+
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import yaml
 
@@ -10,8 +16,22 @@ from snakegen.errors import SpecError
 _EXECUTABLE = ("${", "$(")
 
 
+_WORDS = {  # tag: (what it looks like, the letters it may start with)
+    "null": (r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    "bool": (r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    "int": (r"[-+]?[0-9]+", list("-+0123456789")),
+    "float": (
+        r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
+        list("-+.0123456789"),
+    ),
+}
+
+
 class _PlainLoader(yaml.SafeLoader):
     """YAML of the plain types; everything that could surprise is refused with its line."""
+
+    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}  # its own, none of YAML 1.1
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()
@@ -34,12 +54,31 @@ class _PlainLoader(yaml.SafeLoader):
             seen.add(key)
         return super().construct_mapping(node, deep)
 
+    def decimal(self, node: Any) -> Any:
+        """Returns a whole number; one of more digits than Python converts stays text."""
+        try:
+            return int(node.value)
+        except ValueError:
+            return node.value
+
+
+_PlainLoader.add_constructor("tag:yaml.org,2002:int", _PlainLoader.decimal)
+for _tag, (_form, _first) in _WORDS.items():
+    _PlainLoader.add_implicit_resolver(
+        f"tag:yaml.org,2002:{_tag}", re.compile(f"^(?:{_form})$"), _first
+    )
+
 
 class _PlainDumper(yaml.SafeDumper):
-    """Writes what `_PlainLoader` reads: no aliases; lists of scalars on one line."""
+    """Writes what `_PlainLoader` and YAML 1.1 (xacro's) both read: no aliases."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
+
+
+_PlainDumper.add_implicit_resolver(  # quotes the text '1e3', which YAML 1.1 would not
+    "tag:yaml.org,2002:float", re.compile(f"^(?:{_WORDS['float'][0]})$"), _WORDS["float"][1]
+)
 
 
 def refuse_executable(value: Any, place: str = "") -> None:

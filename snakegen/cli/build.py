@@ -6,6 +6,7 @@ import click
 
 from snakegen.cli.options import (
     Source,
+    check_ending,
     json_option,
     note,
     print_json,
@@ -50,6 +51,7 @@ def build(
     from snakegen.generate import build as run
     from snakegen.spec_file import save
 
+    check_ending("--save-spec", save_spec, ".yaml", ".yml")
     spec = source.rolling_on(rollers).spec()
     made = run(spec, out, picture=picture, mesh_uri=mesh_uri)
     if save_spec:

@@ -8,6 +8,7 @@ import click
 
 from snakegen.cli.options import (
     Source,
+    at_least,
     check_ending,
     json_option,
     note,
@@ -26,7 +27,10 @@ from snakegen.cli.options import (
     help="What to fly, or a file of way points; `help` lists.",
 )
 @click.option("-o", "--out", metavar="FILE.rrd", type=click.Path(), help="The log to write.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of noise and mismatch.")
+@click.option(
+    "--seed", type=int, default=0, show_default=True, callback=at_least(0),
+    help="Of noise and mismatch.",
+)  # fmt: skip
 @click.option("--duration", type=float, help="Seconds; the mission's own by default.")
 @click.option(
     "--option", "options", metavar="NAME=VALUE", multiple=True,
@@ -46,10 +50,10 @@ from snakegen.cli.options import (
 @json_option
 @click.option("--open", "show", is_flag=True, help="Open the log in the viewer (127.0.0.1).")
 @click.option(
-    "--trials", type=click.IntRange(min=1), metavar="N",
+    "--trials", type=int, metavar="N", callback=at_least(1),
     help="Fly N times over uncertain mass, inertia, thrust, lag, delay, noise; log the worst.",
 )  # fmt: skip
-@click.option("--workers", type=click.IntRange(min=1), help="Threads for the trials.")
+@click.option("--workers", type=int, callback=at_least(1), help="Threads for the trials.")
 @robot_options
 def flight(
     source: Source,
@@ -85,7 +89,7 @@ def flight(
     from snakegen.log import view, write
     from snakegen.verify.run import run
 
-    check_ending(out, ".rrd")
+    check_ending("-o", out, ".rrd")
     source = source.rolling_on(rollers)
     machine = source.machine()
     if mission == "help":
@@ -176,6 +180,8 @@ def mission_options(
         default = known[key][0]
         if isinstance(default, float) and not isinstance(given[key], int | float):
             raise MissionError(f"--option {key}: {given[key]!r} is not a number.")
+        if isinstance(default, bool) and not isinstance(given[key], bool):
+            raise MissionError(f"--option {key}: {given[key]!r} is neither true nor false.")
     if "posture" in given:
         given["posture"] = read_posture(Path(str(given["posture"])))
     return given

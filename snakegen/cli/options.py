@@ -56,6 +56,7 @@ class Source:
     def machine(self) -> Any:
         """Returns the Robot; says so if kernels must be compiled."""
         from snakegen.kernels.jit import cold
+        from snakegen.modules import from_urdf
         from snakegen.robot import load
 
         if sys.stderr.isatty() and cold():
@@ -63,7 +64,13 @@ class Source:
         if self.is_xml:
             if self.links is not None or self.apparatus is not None or self.overrides:
                 raise SpecError("--links, --apparatus and --set change a spec, not a URDF.")
-            return load(self.robot, modules=self.modules)
+            robot = load(self.robot, modules=self.modules)
+            if self.modules is None and from_urdf(robot.urdf) is None:
+                note(
+                    f"{self.robot} has no <snakegen> element: read as an arm on a fixed base; "
+                    "rotors, gimbals and a floating root need --modules FILE"
+                )
+            return robot
         return load(self.spec(), modules=self.modules)
 
     def rolling_on(self, rollers: str | None) -> "Source":
@@ -166,10 +173,21 @@ posture_options = _gathered(
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON alone on stdout.")
 
 
-def check_ending(path: str | None, *endings: str) -> None:
+def check_ending(option: str, path: str | None, *endings: str) -> None:
     """Refuses a file to write whose ending other programs would not know."""
     if path is not None and not path.endswith(endings):
-        raise SnakegenError(f"-o {path}: the file's name must end in {' or '.join(endings)}.")
+        raise SnakegenError(f"{option} {path}: the file's name must end in {' or '.join(endings)}.")
+
+
+def at_least(least: int) -> Callable[[click.Context, click.Parameter, int | None], int | None]:
+    """Returns a callback that refuses a whole number below `least`, in one line with exit 1."""
+
+    def check(_: click.Context, option: click.Parameter, value: int | None) -> int | None:
+        if value is not None and value < least:
+            raise SnakegenError(f"{option.opts[0]} {value}: {least} or more is needed.")
+        return value
+
+    return check
 
 
 def print_json(value: Any) -> None:

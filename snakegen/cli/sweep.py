@@ -9,6 +9,7 @@ import click
 from snakegen.cli.flight import progress_bar
 from snakegen.cli.options import (
     Source,
+    at_least,
     check_ending,
     json_option,
     note,
@@ -19,8 +20,13 @@ from snakegen.cli.options import (
 
 
 @click.command()
-@click.option("--samples", type=int, default=10_000, show_default=True, help="How many postures.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the samples.")
+@click.option(
+    "--samples", type=int, default=10_000, show_default=True, callback=at_least(1),
+    help="How many postures.",
+)  # fmt: skip
+@click.option(
+    "--seed", type=int, default=0, show_default=True, callback=at_least(0), help="Of the samples."
+)
 @click.option(
     "--sampling", type=click.Choice(["sobol", "lhs", "random", "walk", "grid"]), default="sobol",
     show_default=True, help="How postures are chosen within the joint limits.",
@@ -37,7 +43,7 @@ from snakegen.cli.options import (
 )
 @click.option("-o", "--out", metavar="FILE.parquet", type=click.Path(), help="The table to write.")
 @click.option("--resume", is_flag=True, help="Go on with an interrupted sweep.")
-@click.option("--workers", type=click.IntRange(1), help="Processes; all cores by default.")
+@click.option("--workers", type=int, callback=at_least(1), help="Processes; all cores by default.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask scheduler, as in tcp://10.0.0.5:8786.")
 @click.option("--worst", is_flag=True, help="Refine the worst posture by local search.")
 @click.option(
@@ -77,7 +83,7 @@ def sweep(
     from snakegen.sweep.samples import chosen_joints, draw, read_table
 
     _check_margin(column)
-    check_ending(out, ".parquet")
+    check_ending("-o", out, ".parquet")
     machine = source.machine()
     names = chosen_joints(machine, joints)
     drawn_over = _map_axes(axes, names)
@@ -130,8 +136,7 @@ def _check_margin(column: str) -> None:
 
     if column not in MARGINS:
         raise AnalysisError(
-            f"there is no margin '{column}'.{near(column, MARGINS)} "
-            f"A sweep gives {', '.join(MARGINS)}."
+            f"--margin '{column}': a sweep has no such margin.{near(column, MARGINS)}"
         )
 
 
