@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from snakegen.spec import Chain, Joint, RobotSpec
     from snakegen.spec_modules import Caster, Payload, ScrewDrive, VectoringApparatus
 
-_CROSS_WIDTH = 0.05  # m, of the joint cross and the gimbal modules where no inertia is given
+_CROSS_WIDTH = 0.05  # m, of the joint's body and the gimbal modules where no inertia is given
+_PAIR_OFFSET = 0.037  # m, DRAGON's pitch axis above the roll axis
+_CROSS_MASS = 0.1  # kg, of the joint's body where no mass is given (assumed)
 
 
 def resolve(spec: "RobotSpec") -> dict[str, Any]:
@@ -28,7 +30,9 @@ def resolve(spec: "RobotSpec") -> dict[str, Any]:
     out["joint"] |= _joint(spec.joint, n - 1)
     count = 0
     if spec.vectoring_apparatus is not None:
-        out["vectoring_apparatus"] |= _apparatuses(spec.vectoring_apparatus, n)
+        out["vectoring_apparatus"] |= _apparatuses(
+            spec.vectoring_apparatus, n, out["chain"]["radius"]
+        )
         count = len(out["vectoring_apparatus"]["at"])
     for name, gains in spec.control.gain_sets.items():
         for key in ("vectoring_roll", "vectoring_pitch"):
@@ -88,8 +92,15 @@ def _chain(chain: "Chain") -> dict[str, Any]:
 
 
 def _joint(joint: "Joint", n: int) -> dict[str, Any]:
-    names = ("gap", "mass", "upper", "effort", "velocity")
+    names = ("gap", "upper", "effort", "velocity")
     out = _lists(joint, "joint", names, n, "joints") | {"axes": joint.axes_of(n)}
+    masses = spread(joint.mass, n, "joint.mass", "joints")
+    given = spread(joint.inertia, n, "joint.inertia", "joints")
+    bodies = [
+        len(axes) == 2 or gap > 0 or mass is not None or inert is not None
+        for axes, gap, mass, inert in zip(out["axes"], out["gap"], masses, given, strict=True)
+    ]
+    masses = [_CROSS_MASS if m is None else m for m in masses]
     lower = spread(joint.lower, n, "joint.lower", "joints")
     out["lower"] = [-u if low is None else low for low, u in zip(lower, out["upper"], strict=True)]
     for i, (low, high) in enumerate(zip(out["lower"], out["upper"], strict=True)):
@@ -97,18 +108,17 @@ def _joint(joint: "Joint", n: int) -> dict[str, Any]:
             raise ValueError(f"joint.lower: {low} is not below joint.upper {high} (joint {i + 1})")
 
     def cross(i: int) -> inertia.Diagonal:
-        return inertia.box(
-            out["mass"][i], (out["gap"][i] + _CROSS_WIDTH, _CROSS_WIDTH, _CROSS_WIDTH)
-        )
+        return inertia.box(masses[i], (out["gap"][i] + _CROSS_WIDTH, _CROSS_WIDTH, _CROSS_WIDTH))
 
-    out["inertia"] = _inertias(joint.inertia, n, "joint.inertia", "joints", cross)
+    inertias = _inertias(joint.inertia, n, "joint.inertia", "joints", cross)
+    out["mass"] = [m if body else None for m, body in zip(masses, bodies, strict=True)]
+    out["inertia"] = [row if body else None for row, body in zip(inertias, bodies, strict=True)]
     return out
 
 
 _APPARATUS_LISTS = (
     "rotors",
     "separation",
-    "offset",
     "thrust_min",
     "thrust_max",
     "drag_ratio",
@@ -125,13 +135,29 @@ _APPARATUS_LISTS = (
 )
 
 
-def _apparatuses(part: "VectoringApparatus", links: int) -> dict[str, Any]:
+def lone_clearance(radius: float, diameter: float) -> float:
+    """Returns how far from the axis a lone rotor's duct clears the roll module at any angle [m].
+
+    The module is 1.9 times the rod's `radius`; the duct is 1 by 0.7 of the rotor's `diameter`.
+    """
+    return 1.9 * radius + 0.62 * diameter
+
+
+def _apparatuses(part: "VectoringApparatus", links: int, radii: list[float]) -> dict[str, Any]:
     """Spells out the apparatuses, ordered from the root by link, then by position."""
     places = spell_out(part.at, links, "vectoring_apparatus.at")
     if not places:
         raise ValueError("vectoring_apparatus.at: empty; name a link, or leave the section out")
     n, section = len(places), "vectoring_apparatus"
     out = _lists(part, section, _APPARATUS_LISTS, n, "apparatuses")
+    offsets = spread(part.offset, n, f"{section}.offset", "apparatuses")
+
+    def offset(i: int) -> float:
+        # Below, for there the rotor's stream is free: above, it would blow on its own link.
+        clear = lone_clearance(radii[places[i].link - 1], out["rotor_diameter"][i])
+        return -round(clear, 9) if out["rotors"][i] == 1 else _PAIR_OFFSET
+
+    out["offset"] = [offset(i) if x is None else float(x) for i, x in enumerate(offsets)]
 
     def roll(i: int) -> inertia.Diagonal:
         return inertia.box(out["roll_mass"][i], (_CROSS_WIDTH, 1.2 * _CROSS_WIDTH, _CROSS_WIDTH))

@@ -50,15 +50,27 @@ def _pitch_yaw() -> list[Axis]:
 
 
 class Joint(Part):
-    """What joins two links: one or two axes, with `gap` between the two."""
+    """What joins two links: one or two axes, with a body in the gap.
+
+    The body of a two-axis joint is its cross, between the axes. That of a one-axis joint is a
+    block between the link before and the axis; it is there if a gap, mass or inertia is given.
+    """
 
     axes: list[Axis] | list[list[Axis]] = Field(
         default_factory=_pitch_yaw,
         description="axes from root to tip; or a list of them per joint",
     )
-    gap: NonNegative | list[NonNegative] = Field(0.0, description="m, first to second axis")
-    mass: Positive | list[Positive] = Field(0.1, description="kg, the cross of a two-axis joint")
-    inertia: Diagonal | list[Diagonal] | None = Field(None, description="kg m², of the cross")
+    gap: NonNegative | list[NonNegative] = Field(
+        0.0, description="m, first to second axis, or link's end to the axis where it is one"
+    )
+    mass: Positive | list[Positive | None] | None = Field(
+        None,
+        description="kg, of the joint's body; if absent 0.1 for a two-axis joint or with a gap, "
+        "else no body",
+    )
+    inertia: Diagonal | list[Diagonal | None] | None = Field(
+        None, description="kg m², of that body; of a box if absent"
+    )
     lower: Real | list[Real] | None = Field(None, description="rad; -upper if absent")
     upper: Real | list[Real] = Field(1.5707963267948966, description="rad")
     effort: Positive | list[Positive] = Field(7.0, description="N m, servo limit")

@@ -32,7 +32,11 @@ class VectoringApparatus(Part):
     at: Places = Field("all", description='"all", or places: 1, "2@0.3", {link: 2, position: 0.8}')
     rotors: Literal[1, 2] | list[Literal[1, 2]] = Field(2, description="1 or 2, per apparatus")
     separation: Positive | list[Positive] = Field(0.223, description="m, between the two rotors")
-    offset: Real | list[Real] = Field(0.037, description="m, pitch axis above the roll axis")
+    offset: Real | list[Real | None] | None = Field(
+        None,
+        description="m, pitch axis above the roll axis; if absent 0.037 for a pair of rotors, and "
+        "for one rotor as far below as its duct takes to clear the link",
+    )
     thrust_min: NonNegative | list[NonNegative] = Field(0.0, description="N a rotor")
     thrust_max: Positive | list[Positive] = Field(16.0, description="N a rotor")
     drag_ratio: NonNegative | list[NonNegative] = Field(0.0125, description="κ, m")

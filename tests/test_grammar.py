@@ -114,9 +114,15 @@ def weigh(spec, angles):
                 origins[f"rotor{j + 1}_1"] = axle + pitch.apply([0, half, 0])
                 moving = still
         if i + 1 < chain["links"]:
-            moving = True
+            still, moving = moving, True
             point = point + turn.apply([length, 0, 0])
             axes = joint["axes"][i]
+            if len(axes) == 1:
+                if joint["mass"][i] is not None:  # the block goes with the link before
+                    moving = still
+                    part(joint["mass"][i], point + turn.apply([joint["gap"][i] / 2, 0, 0]))
+                    moving = True
+                point = point + turn.apply([joint["gap"][i], 0, 0])
             turn = turn * turned(axes[0], f"joint{i + 1}_{axes[0]}")
             if len(axes) == 2:
                 part(joint["mass"][i], point + turn.apply([joint["gap"][i] / 2, 0, 0]))

@@ -268,7 +268,13 @@ def test_random_specs_give_clean_urdfs(data: dict[str, Any]) -> None:
     resolved = spec.resolved()
     n, thrusters = spec.chain.links, resolved.get("vectoring_apparatus", {"at": []})
     joint = resolved["joint"]
-    crosses = [m for m, a in zip(joint["mass"], joint["axes"], strict=False) if len(a) > 1]
+    given = data.get("joint", {})
+    crosses = []
+    for i in range(n - 1):
+        if len(joint["axes"][i]) > 1 or joint["gap"][i] > 0 or given.keys() & {"mass", "inertia"}:
+            crosses.append(joint["mass"][i])
+        else:
+            assert joint["mass"][i] is None  # no body, and the resolved spec says so
     expected = sum(resolved["chain"]["mass"]) + sum(crosses)
     expected += sum(thrusters.get("roll_mass", [])) + sum(thrusters.get("pitch_mass", []))
     expected += sum(resolved.get("payload", {}).get("mass", []))
