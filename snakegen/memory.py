@@ -19,6 +19,11 @@ def available() -> int:
         return 1 << 62
 
 
+def room() -> float:
+    """Returns the bytes that a command may take: half of the memory that is free."""
+    return _SHARE * available()
+
+
 def refuse_beyond(size: float, what: str, remedy: str) -> None:
     """Refuses what would take more than half of the memory that is free.
 
@@ -30,8 +35,7 @@ def refuse_beyond(size: float, what: str, remedy: str) -> None:
     Raises:
         AnalysisError: too much, with both sizes and the remedy.
     """
-    free = available()
-    if size > _SHARE * free:
+    if size > room():
         raise AnalysisError(
-            f"{what} would take {size / 1e9:.3g} GB; {free / 1e9:.3g} GB are free: {remedy}."
+            f"{what} would take {size / 1e9:.3g} GB; {available() / 1e9:.3g} GB are free: {remedy}."
         )

@@ -95,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         error.show(sys.stderr)
         sys.exit(error.exit_code)
     except MemoryError:
-        _fail("out of memory; a shorter chain would fit.", 1)
+        _fail("out of memory; a shorter chain, a shorter run or fewer samples would fit.", 1)
     except BrokenPipeError:
         _silence_stdout()
         sys.exit(1)

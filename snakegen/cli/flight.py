@@ -1,5 +1,6 @@
 """`snakegen analyze flight`: a verification run in MuJoCo, logged to rerun."""
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -87,6 +88,7 @@ def flight(
     from snakegen.cli.trials import fly_trials
     from snakegen.files import check_writable
     from snakegen.log import view, write
+    from snakegen.verify.room import refuse_too_long
     from snakegen.verify.run import run
 
     check_ending("-o", out, ".rrd")
@@ -99,6 +101,8 @@ def flight(
     if plant is not None:
         options = (*options, f"plant={plant}")
     chosen = mission_options(mission, machine, options, duration)
+    at_once = min(trials or 1, workers or os.cpu_count() or 1)
+    refuse_too_long(machine, chosen.get("duration") or 0.0, at_once)
     path = Path(out) if out else Path("generated") / machine.name / f"{mission}.rrd"
     meshes = mesh_folder(machine, path)
     if machine.path is None and machine.modules.screws:

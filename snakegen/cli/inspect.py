@@ -5,7 +5,8 @@ from pathlib import Path
 import click
 
 from snakegen.cli.flight import result_json, result_lines
-from snakegen.cli.options import json_option, print_json
+from snakegen.cli.options import json_option, note, print_json
+from snakegen.errors import LogError
 
 
 @click.command()
@@ -30,20 +31,19 @@ def inspect(
     """
     from snakegen import log
 
+    if time is not None and png is None:
+        raise LogError("--time is the instant of a picture; it goes with --png FILE.png.")
     if other is not None:
-        rows = log.compare(file, other)
-        if as_json:
-            print_json({r.metric: {"a": r.a, "b": r.b, "difference": r.difference} for r in rows})
-        else:
-            for r in rows:
-                click.echo(f"{r.metric:<34}{_short(r.a):>28}{_short(r.b):>28}")
-        return 0
+        if png is not None or show:
+            raise LogError("--png and --open show one log; leave the other out.")
+        return _compare(file, other, as_json)
     found = log.inspect(file)
     recording = found.recording
     if found.verdict is not None:
         recording = recording.judged(found.metrics, found.verdict)
     if png is not None:
-        click.echo(str(log.snapshot(file, png, time=time)), err=True)
+        drawn_by = log.snapshot(file, png, time=time)
+        note(f"{png} (drawn by {'rerun' if drawn_by == 'viewer' else drawn_by})")
     if as_json:
         print_json(result_json(recording, Path(file)) | {"differing": list(found.differing)})
     else:
@@ -57,6 +57,31 @@ def inspect(
         log.view(file)
     passed = found.verdict is None or (found.verdict.passed and not found.differing)
     return 0 if passed else 3
+
+
+def _compare(file: str, other: str, as_json: bool) -> int:
+    """Prints the metrics of two logs side by side, under what tells the two runs apart."""
+    from snakegen.log.compare import comparison
+
+    found = comparison(file, other)
+    heads = {"a": vars(found.a), "b": vars(found.b)}
+    if as_json:
+        rows = {r.metric: {"a": r.a, "b": r.b, "difference": r.difference} for r in found.rows}
+        print_json({"runs": heads, "runs_differ_in": list(found.differing)} | rows)
+        return 0
+    table = [(name, *(_unknown(head[name]) for head in heads.values())) for name in heads["a"]]
+    table += [(r.metric, _short(r.a), _short(r.b)) for r in found.rows]
+    wide, left, right = (max(map(len, column)) for column in zip(*table, strict=True))
+    for name, a, b in table:
+        click.echo(f"{name:<{wide}}  {a:>{left}}  {b:>{right}}")
+    for name in found.differing:
+        a, b = (_unknown(head[name]) for head in heads.values())
+        note(f"note: the {name}s differ ({a}, {b}): their metrics measure different things")
+    return 0
+
+
+def _unknown(value: object) -> str:
+    return "unknown" if value is None else str(value)
 
 
 def _short(value: object) -> str:

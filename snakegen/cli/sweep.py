@@ -1,5 +1,8 @@
 """`snakegen analyze sweep`: margins of many postures to Parquet, with a map."""
 
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -17,6 +20,7 @@ from snakegen.cli.options import (
     print_rows,
     robot_options,
 )
+from snakegen.errors import SnakegenError
 
 
 @click.command()
@@ -99,11 +103,10 @@ def sweep(
         "sampling": "table" if table else sampling,
         "spec": _spec_text(source),
     }
-    with progress_bar(f"{machine.name} sweep") as step:
-        run(
-            machine, names, drawn, path, base_rpy=_rpy(base_rpy), tolerance=tolerance,
-            identity=identity, resume=resume, workers=workers, cluster=cluster, progress=step,
-        )  # fmt: skip
+    how: dict[str, Any] = {"base_rpy": _rpy(base_rpy), "tolerance": tolerance, "workers": workers}
+    how |= {"identity": identity, "resume": resume, "cluster": cluster}
+    with progress_bar(f"{machine.name} sweep") as step, _kept(path):
+        run(machine, names, drawn, path, progress=step, **how)
     found = pq.read_table(path)
     summary = _summary(found, column)
     picture = None
@@ -121,6 +124,33 @@ def sweep(
     for file in files.values():
         note(file)
     print_rows(f"{machine.name}: sweep of {found.num_rows:,} postures", _rows(summary))
+
+
+class Interrupted(SnakegenError):
+    """Ctrl-C in a sweep, whose parts so far are kept."""
+
+    exit_code = 130
+
+
+@contextmanager
+def _kept(path: Path) -> Iterator[None]:
+    """Tells on Ctrl-C what of the sweep is kept, and how to go on with it.
+
+    Raises:
+        Interrupted: Ctrl-C, and parts stand beside `path`.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        parts = path.with_name(path.name + ".parts")
+        done = len(list(parts.glob("part-*.parquet")))
+        if done == 0:
+            shutil.rmtree(parts, ignore_errors=True)
+            raise
+        raise Interrupted(
+            f"interrupted; parts finished so far ({done}) are kept in {parts}: "
+            "the same command with --resume goes on from there."
+        ) from None
 
 
 def _spec_text(source: Source) -> str:

@@ -32,6 +32,30 @@ class Row:
     difference: Any  # b − a where both are numbers, else None
 
 
+@dataclass(frozen=True)
+class Head:
+    """Which run a column of a comparison is."""
+
+    file: str
+    robot: Any
+    mission: Any
+    seed: Any
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two runs side by side."""
+
+    a: Head
+    b: Head
+    rows: tuple[Row, ...]
+
+    @property
+    def differing(self) -> tuple[str, ...]:
+        """Which of robot and mission differ: metrics of such runs say little side by side."""
+        return tuple(k for k in ("robot", "mission") if getattr(self.a, k) != getattr(self.b, k))
+
+
 def inspect(path: str | Path) -> Inspection:
     """Reads a log and works its metrics and verdict out again from its samples.
 
@@ -55,9 +79,25 @@ def compare(path_a: str | Path, path_b: str | Path) -> tuple[Row, ...]:
     Raises:
         LogError: as `read`.
     """
-    a, b = inspect(path_a).metrics, inspect(path_b).metrics
+    return comparison(path_a, path_b).rows
+
+
+def comparison(path_a: str | Path, path_b: str | Path) -> Comparison:
+    """Returns what `compare` does, with which runs they are.
+
+    Raises:
+        LogError: as `read`.
+    """
+    left, right = inspect(path_a), inspect(path_b)
+    a, b = left.metrics, right.metrics
     names = [*a, *(name for name in b if name not in a)]
-    return tuple(Row(n, a.get(n), b.get(n), _difference(a.get(n), b.get(n))) for n in names)
+    rows = tuple(Row(n, a.get(n), b.get(n), _difference(a.get(n), b.get(n))) for n in names)
+    return Comparison(_head(path_a, left), _head(path_b, right), rows)
+
+
+def _head(path: str | Path, found: Inspection) -> Head:
+    told = found.recording.meta
+    return Head(str(path), *(told.get(key) for key in ("robot", "mission", "seed")))
 
 
 def _difference(a: Any, b: Any) -> Any:

@@ -18,6 +18,7 @@ from typing import Any
 from snakegen.errors import LogError
 from snakegen.log.read import read
 from snakegen.log.style import TIMELINE
+from snakegen.verify.recording import Recording
 
 STARTING = 30.0  # s a viewer may take to answer
 
@@ -36,8 +37,8 @@ def snapshot(
 
     Args:
         path: an .rrd that snakegen wrote.
-        png: the picture to write.
-        time: s; by default the middle of the run.
+        png: the picture to write; its name ends in .png.
+        time: s, within the log; by default the middle of the run.
         renderer: ``viewer`` (rerun's own, without a window, on 127.0.0.1), ``matplotlib``, or
             ``auto``: the viewer where it starts, else matplotlib.
         size: pixels.
@@ -46,17 +47,18 @@ def snapshot(
         The renderer that drew it, ``viewer`` or ``matplotlib``.
 
     Raises:
-        LogError: the log cannot be read, the picture cannot be written, or the viewer was asked
-            for and does not start (it needs a Vulkan driver).
+        LogError: the log cannot be read, it has no such instant, the picture cannot be written, or
+            the viewer was asked for and does not start (it needs a Vulkan driver).
     """
     path, png = Path(path), Path(png)
+    if png.suffix.lower() != ".png":
+        raise LogError(f"{png}: a picture's name must end in .png")
     recording = read(path)
     if not png.parent.is_dir():
         raise LogError(f"cannot write {png}: there is no folder {png.parent}")
     if renderer not in ("auto", "viewer", "matplotlib"):
         raise LogError(f"no renderer '{renderer}'; there are auto, viewer, matplotlib")
-    first, last = float(recording.time[0]), float(recording.time[-1])
-    at = 0.5 * (first + last) if time is None else min(max(time, first), last)
+    at = _instant(recording, time, path)
     if renderer != "matplotlib":
         try:
             _draw_with_viewer(path, png, at, size)
@@ -68,6 +70,17 @@ def snapshot(
 
     draw(recording, png, at, size)
     return "matplotlib"
+
+
+def _instant(recording: Recording, time: float | None, path: Path) -> float:
+    """Returns the instant [s] to draw; refuses one that the log does not have."""
+    first, last = float(recording.time[0]), float(recording.time[-1])
+    if time is None:
+        return 0.5 * (first + last)
+    tick = (last - first) / max(recording.time.size - 1, 1)  # a run of 2 s ends a tick before 2
+    if not first <= time <= last + 1.5 * tick:
+        raise LogError(f"{path} has no time {time:g} s; it goes from {first:g} to {last:g} s")
+    return min(float(time), last)
 
 
 def _draw_with_viewer(path: Path, png: Path, at: float, size: tuple[int, int]) -> None:

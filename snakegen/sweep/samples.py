@@ -20,9 +20,8 @@ def chosen_joints(robot: Robot, names: str | None) -> tuple[str, ...]:
     out = tuple(n.strip() for n in names.split(","))
     for name in out:
         if name not in robot.joint_names:
-            raise AnalysisError(
-                f"{robot.name} has no joint '{name}'.{near(name, robot.joint_names)}"
-            )
+            known = [n for n in robot.joint_names if n not in robot.gimbal_names]
+            raise AnalysisError(f"{robot.name} has no joint '{name}' to vary.{near(name, known)}")
         if name in robot.gimbal_names:
             raise AnalysisError(f"'{name}' is a gimbal: a sweep points the gimbals up by itself.")
     if len(set(out)) != len(out):
