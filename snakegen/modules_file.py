@@ -53,6 +53,7 @@ def from_file(path: Path, root: str) -> Modules:
         ),
         **_flying(data, path.name),
     )
+    found = _with_mode(found, data, path.name)
     named: dict[str, str] = {}
     for j, apparatus in enumerate(found.apparatuses):
         for name in (*apparatus.rotor_links, apparatus.roll, apparatus.pitch):
@@ -80,6 +81,23 @@ def _flying(data: dict[str, Any], name: str) -> dict[str, Any]:
     except ValidationError as error:
         raise DescriptionError(f"{name}: {_first_mistake(error)}") from None
     return out
+
+
+def _with_mode(found: Modules, data: dict[str, Any], name: str) -> Modules:
+    """Returns `found` in dual-rotor mode where no gimbal turns its rotors.
+
+    Raises:
+        DescriptionError: a mode that needs gimbals is asked for where there are none.
+    """
+    if not found.apparatuses or any(a.roll or a.pitch for a in found.apparatuses):
+        return found
+    asked = (data.get("control") or {}).get("mode", "dual_rotor")
+    if asked != "dual_rotor":
+        raise DescriptionError(
+            f"{name}: control.mode '{asked}' turns gimbals, and no apparatus names any; "
+            "write 'mode: dual_rotor'."
+        )
+    return replace(found, control={**found.control, "mode": asked})
 
 
 def _first_mistake(error: ValidationError) -> str:

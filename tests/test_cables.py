@@ -6,7 +6,7 @@ import pytest
 from scipy.optimize import linprog
 
 import snakegen
-from snakegen.analysis import cables
+from snakegen.analysis import cables, motion
 from snakegen.errors import AnalysisError
 from snakegen.kernels.cables import balance, lengths_and_rates
 
@@ -158,3 +158,31 @@ def test_impossible_questions_are_refused(arm):
         cables.analyze(arm, np.zeros(12), torque=np.full(12, np.nan))
     with pytest.raises(AnalysisError, match="fixed base"):
         cables.analyze(snakegen.load("dragon3"), np.zeros(15))
+
+
+def test_a_routing_that_nobody_gave_is_said_to_be_assumed(arm):
+    found = cables.analyze(arm, np.zeros(12))
+    label, text = found.rows()[0]
+    assert label == "routing" and text.startswith("assumed routing: 3 a segment at 30 mm")
+    assert found.to_json()["routing"] == {
+        "assumed": True,
+        "cables_per_segment": 3,
+        "radius_m": 0.03,
+        "phase_rad": 0.0,
+        "standoff_m": 0.02,
+        "sheathed": False,
+    }
+    given = cables.analyze(arm, np.zeros(12), count=4, sheathed=True)
+    assert given.rows()[0][1].startswith("4 a segment at 30 mm")
+    assert not given.to_json()["routing"]["assumed"]
+    own = cables.analyze(arm, np.zeros(12), routing=cables.route(arm))
+    assert own.rows()[0] == ("routing", "as given") and own.to_json()["routing"] is None
+
+
+def test_a_motion_that_nobody_gave_is_said_to_be_assumed(arm):
+    found = motion.analyze(arm, np.zeros(12), rate=50)
+    assert found.rows()[0][1].startswith("table3 (assumed: none was given), 6 s, weightless")
+    assert found.to_json()["motion_assumed"]
+    asked = motion.analyze(arm, np.zeros(12), motion="table3", rate=50)
+    assert "assumed" not in asked.rows()[0][1] and not asked.to_json()["motion_assumed"]
+    np.testing.assert_array_equal(found.torque, asked.torque)

@@ -1,6 +1,7 @@
 """A URDF that snakegen did not write: analysed with a modules file, flown, mistakes named."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import snakegen
+from snakegen.analysis import actuation, attitude, control, statics
 from snakegen.analysis.allocation import allocation
 from snakegen.description.mjcf import decorate
 from snakegen.equivalence import compare
@@ -170,6 +172,56 @@ def test_mistakes_are_named(text, tmp_path):
     message = str(caught.value)
     assert MISTAKES[text] in message
     assert "\n" not in message
+
+
+FIXED = "floating_root: body\napparatuses:\n" + "".join(
+    f"  - rotors: [{{link: tip_b_{side}, thrust_max: 40, drag_ratio: {ratio}}}]\n"
+    for side, ratio in (("left", 0.02), ("right", -0.02))
+)
+
+
+def test_rotors_without_gimbals_fly_in_dual_rotor_mode_alone(tmp_path):
+    """Nothing turns them: no rule about vectoring, no loop that needs it, no free force."""
+    file = tmp_path / "fixed.yaml"
+    file.write_text(FIXED)
+    robot = snakegen.load(URDF, modules=file)
+    assert robot.modules.control["mode"] == "dual_rotor"
+    q = robot.configuration()
+    classes = actuation.analyze(robot, q)
+    assert [m.mode for m in classes.modes] == ["dual_rotor"]
+    assert "Ñ" not in json.dumps(classes.to_json()) + str(classes.rows())
+    assert "paper's rule" not in str(classes.rows())
+    loops = control.analyze(robot, q)
+    assert {mode for _, mode in loops.loops} == {"dual_rotor"} and loops.own[1] == "dual_rotor"
+    assert sum("(flown)" in label for label, _ in loops.rows()) == 1
+    assert statics.analyze(robot, q).support != "hover"  # a force that nothing turns is not free
+    file.write_text(FIXED + "control: {sigma_min: 0.05}\n")
+    said = snakegen.load(URDF, modules=file).modules.control
+    assert (said["mode"], said["sigma_min"]) == ("dual_rotor", 0.05)
+    file.write_text(FIXED + "control: {mode: virtual_single_rotor}\n")
+    with pytest.raises(SnakegenError, match="'virtual_single_rotor' turns gimbals"):
+        snakegen.load(URDF, modules=file)
+
+
+def test_slow_poles_keep_their_digits_and_gimbals_keep_both_modes(stranger):
+    found = control.analyze(stranger)
+    assert {mode for _, mode in found.loops} == {"dual_rotor", "virtual_single_rotor"}
+    slow = found.loops["own", "dual_rotor"][0]
+    pole = replace(slow, poles=np.array([-1.7e-4 + 0j, -3.0 + 0j]))
+    shown = replace(found, loops={("own", "dual_rotor"): (pole,)})
+    assert "slowest pole -0.00017 1/s" in shown.rows()[-1][1]
+
+
+@pytest.mark.parametrize(
+    ("margin", "unit"),
+    [("force_margin", "N"), ("dual_torque_margin", "N·m"), ("wrench_margin", "scaled")],
+)
+def test_the_best_attitude_says_in_which_unit(stranger, margin, unit):
+    found = attitude.analyze(stranger, stranger.configuration(), margin=margin, samples=4)
+    assert found.unit == found.to_json()["unit"] == unit
+    assert found.rows()[0][
+        1
+    ] == f"{found.level:.4g} {unit} as it stands, {found.best:.4g} {unit}" + (" at best")
 
 
 def test_without_modules_it_is_a_fixed_chain():

@@ -332,3 +332,30 @@ def test_a_planted_fault_is_seen(robots, monkeypatch):
     monkeypatch.setitem(robot.__dict__, "tree", robot.tree._replace(com=com))
     got = joint_torques(robot, q, v, a)
     assert np.max(np.abs(got - want)) > 1e-4 * np.max(np.abs(want))
+
+
+def test_a_bent_body_of_two_apparatuses_hovers_by_its_four_rotors(robots):
+    """Two forces cannot balance it: its rotors can, and leave the base nothing."""
+    robot = robots["dragon3"]
+    q = robot.configuration({"joint1_yaw": 1.2, "joint2_yaw": 0.9})
+    result = analyze(robot, q)
+    assert result.support == "dual"
+    np.testing.assert_allclose(result.base, 0.0, atol=1e-4)  # nothing is left for a base to bear
+    a = allocation(robot, q)
+    # the same hover from another solver: four thrusts for [f_z; τ] leave no choice
+    found = linprog(np.zeros(4), A_eq=a.dual[2:], b_eq=a.hover_wrench[2:], bounds=[(0.0, 20.0)] * 4)
+    again = analyze(robot, q, thrust=found.x)
+    np.testing.assert_allclose(again.base, 0.0, atol=1e-9)
+    np.testing.assert_allclose(result.torque, again.torque, atol=1e-5)
+    rows = dict(result.rows())
+    assert rows["support"] == "dual-rotor hover, gimbals as they stand"
+    assert "tip bears (root held)" in rows and result.to_json()["tip_load"]["root_held"]
+    tilted = analyze(robot, robot.configuration({"joint1_yaw": 1.2}, base_rpy=(0.5, 0.0, 0.0)))
+    assert dict(tilted.rows())["support"] == "base held: its rotors cannot hold it here"
+    with pytest.raises(AnalysisError, match="hold the base instead"):
+        analyze(robot, q, hold="hover", wrenches={"link1": [5, 0, 0, 0, 0, 0]})
+
+
+def test_an_arm_is_not_told_that_its_root_is_held(robots):
+    rows = dict(analyze(robots["arm6"], np.zeros(12)).rows())
+    assert rows["support"] == "base held" and "tip bears" in rows

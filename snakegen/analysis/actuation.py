@@ -1,6 +1,6 @@
 """Actuation: rank, condition and class of each mode, against the paper's own rule."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -121,13 +121,14 @@ def analyze(robot: Robot, q: Floats) -> Actuation:
         ),
     }
     ranks = {k: _rank(robot, k, m, c, a.thrust_points) for k, (m, c) in inputs.items()}
+    vectored = bool(robot.gimbal_names)
     trunc = scaled(robot, a.dual, rotor_limits)[2:]
     return Actuation(
         RANK_TOLERANCE,
         robot.force_scale,
         robot.torque_scale,
         tuple(ranks.values()),
-        (_dual_class(ranks["dual"], trunc, count), _virtual_class(ranks, count)),
+        _classes(ranks, trunc, count, vectored),
         a,
     )
 
@@ -142,6 +143,16 @@ def _rank(robot: Robot, name: str, matrix: Floats, columns: Floats, points: Floa
     twists = unscale[:, None] * left[:, rank:]
     lost = motions(twists, robot.link_length, points)
     return Rank(name, tuple(float(s) for s in sigma), rank, condition, lost)
+
+
+def _classes(
+    ranks: dict[str, Rank], truncated: Floats, count: int, vectored: bool
+) -> tuple[ModeClass, ...]:
+    """Returns a class for each mode; the paper's rules are about apparatuses that turn."""
+    dual = _dual_class(ranks["dual"], truncated, count)
+    if vectored:
+        return dual, _virtual_class(ranks, count)
+    return (replace(dual, paper="about rotors on gimbals; this robot has none", agrees=True),)
 
 
 def _dual_class(rank: Rank, truncated: Floats, count: int) -> ModeClass:

@@ -18,6 +18,7 @@ OPTIONS = {
     "samples": [200, "directions of gravity that the search starts from"],
 }
 _ROUNDS, _TRIES = 30, 8
+_UNITS = {"force_margin": "N", "torque_margin": "N·m", "self_distance": "m", "closed": ""}
 
 
 @dataclass(frozen=True)
@@ -31,10 +32,19 @@ class BestAttitude:
     worst: float  # least value among the samples
     evaluated: int
 
+    @property
+    def unit(self) -> str:
+        """The unit of the margin: N, N·m, m, or ``scaled`` by m g and m g · link length."""
+        if self.margin.startswith("dual_attitude") or self.margin.endswith("wrench_margin"):
+            return "scaled"
+        name = self.margin.removeprefix("dual_").removesuffix("_upper")
+        return _UNITS.get(name, "scaled")
+
     def to_json(self) -> dict[str, Any]:
         """Returns plain data for a program; N, N m or scaled, as the margin is."""
         return {
             "margin": self.margin,
+            "unit": self.unit,
             "at_given_attitude": self.level,
             "best": self.best,
             "best_base_rpy_rad": list(self.rpy),
@@ -45,10 +55,11 @@ class BestAttitude:
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people."""
         roll, pitch, _ = np.rad2deg(self.rpy)
+        level, best, worst = (f"{x:.4g} {self.unit}" for x in (self.level, self.best, self.worst))
         return [
-            (self.margin, f"{self.level:.4g} as it stands, {self.best:.4g} at best"),
+            (self.margin, f"{level} as it stands, {best} at best"),
             ("best attitude", f"root link at roll {roll:+.1f}°, pitch {pitch:+.1f}° (any yaw)"),
-            ("worst attitude seen", f"{self.worst:.4g}, of {self.evaluated} evaluated"),
+            ("worst attitude seen", f"{worst}, of {self.evaluated} evaluated"),
         ]
 
 

@@ -53,6 +53,8 @@ class CablesResult:
         shortage: (n,) N m, what they leave; all zero where the posture is held.
         method: ``back-substitution`` or, where that fails, ``all segments at once``.
         why: one sentence.
+        routing: what `route` was given, its keys with units, and whether all of it is assumed;
+            empty for a routing of one's own.
         mjcf: the MJCF written, "" if none; `held`: what MuJoCo says of it.
     """
 
@@ -65,6 +67,7 @@ class CablesResult:
     shortage: Floats
     method: str
     why: str
+    routing: dict[str, Any]
     mjcf: str = ""
     held: Held | None = None
 
@@ -75,7 +78,7 @@ class CablesResult:
 
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people: tensions segment by segment."""
-        out = [("cables", self.why)]
+        out = [("routing", _routing_words(self.routing)), ("cables", self.why)]
         parts: dict[str, list[float]] = {}
         for name, t in zip(self.names, self.tension, strict=True):
             parts.setdefault(name.split("_")[0].replace("cable", "segment "), []).append(t)
@@ -97,6 +100,7 @@ class CablesResult:
     def to_json(self) -> dict[str, Any]:
         """Returns plain data; keys carry units."""
         return {
+            "routing": self.routing or None,
             "feasible": self.feasible,
             "why": self.why,
             "method": self.method,
@@ -169,15 +173,16 @@ def analyze(
     if not 0 <= minimum <= most or not np.isfinite(minimum):
         raise AnalysisError(f"tensions {minimum:g} … {most:g} N are no range above 0.")
     q = robot.check_q(q)
+    how: dict[str, Any] = {}
     if routing is None:
-        routing = route(
-            robot,
-            count=count,
-            radius=radius,
-            phase=phase,
-            standoff=standoff,
-            coupled=not sheathed,
-        )
+        sizes: dict[str, Any] = {
+            "count": count,
+            "radius": radius,
+            "phase": phase,
+            "standoff": standoff,
+            "coupled": not sheathed,
+        }
+        routing, how = route(robot, **sizes), _routing_said(sizes)
     names = [n for group in routing.segments for n in group]
     index = np.array([robot.body_of_joint(n) - 1 for n in names], int)
     if torque is None:
@@ -199,7 +204,7 @@ def analyze(
             t, short, method = together, left, "all segments at once"
     result = CablesResult(
         routing.names, t, length, tuple(names), arms, wanted, short, method,
-        _why(names, short, wanted, t, routing.names, most),
+        _why(names, short, wanted, t, routing.names, most), how,
     )  # fmt: skip
     if mjcf is None:
         return result
@@ -212,6 +217,30 @@ def analyze(
         stiffness,
     )  # fmt: skip
     return replace(result, mjcf=str(mjcf), held=held)
+
+
+def _routing_said(sizes: dict[str, Any]) -> dict[str, Any]:
+    """Returns a routing's sizes, and whether nobody gave any: the robot's file names no cables."""
+    return {
+        "assumed": sizes == route.__kwdefaults__,
+        "cables_per_segment": sizes["count"],
+        "radius_m": sizes["radius"],
+        "phase_rad": sizes["phase"],
+        "standoff_m": sizes["standoff"],
+        "sheathed": not sizes["coupled"],
+    }
+
+
+def _routing_words(routing: dict[str, Any]) -> str:
+    """Returns the routing for people: ``assumed routing: 3 a segment at 30 mm …``."""
+    if not routing:
+        return "as given"
+    said = "assumed routing: " if routing["assumed"] else ""
+    run = "sheathed up to their segment" if routing["sheathed"] else "through the segments before"
+    return (
+        f"{said}{routing['cables_per_segment']} a segment at {1e3 * routing['radius_m']:g} mm, "
+        f"holes {1e3 * routing['standoff_m']:g} mm either side of a joint, {run}"
+    )
 
 
 def _most(maximum: float | str | None) -> float:

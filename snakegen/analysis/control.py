@@ -68,7 +68,9 @@ class Control:
 def _said(loop: Loop) -> str:
     """Returns the slowest or the first unstable pole, and what delay the loop bears."""
     pole = loop.poles[0]
-    text = f"{pole.real:+.2f}" + (f" ± {abs(pole.imag):.2f}j" if abs(pole.imag) > 1e-6 else "")
+    text = f"{pole.real:+.3g}"  # digits that count: a pole at −0.00017 is slow, not at rest
+    if abs(pole.imag) > 1e-6:
+        text += f" ± {abs(pole.imag):.3g}j"
     if not loop.stable:
         return f"pole {text} 1/s: UNSTABLE"
     margin = "any delay" if np.isinf(loop.delay_margin) else f"{1e3 * loop.delay_margin:.0f} ms"
@@ -86,18 +88,19 @@ def analyze(
     """Returns the linearised loops of ZN23 eqs 15-28 at hover, whatever the posture q.
 
     Inertia and allocation cancel the body at hover, so the loops depend on gains, lag and delay
-    alone. The plant's own sampling is left out.
+    alone. The plant's own sampling is left out. Without gimbals there is dual-rotor mode alone.
     """
     rotors = [r for a in robot.modules.apparatuses for r in a.rotors]
     slow = max((r.lag for r in rotors), default=0.0) if lag is None else float(lag)
     late = float(robot.modules.plant.get("delay", 0.0)) if delay is None else float(delay)
     control = robot.modules.control
     sets: dict[str, Any] = dict(robot.modules.gain_sets) or {"table 5": {}}
-    own = (str(control.get("gains", next(iter(sets)))), str(control.get("mode", next(iter(MODES)))))
+    modes = {m: number for m, number in MODES.items() if robot.gimbal_names or m == "dual_rotor"}
+    own = (str(control.get("gains", next(iter(sets)))), str(control.get("mode", next(iter(modes)))))
     found = {}
     for name, values in sets.items():
         gains = gains_from(values)
-        for mode, number in MODES.items():
+        for mode, number in modes.items():
             controller = flight_controller(robot, gains, mode=mode)
             found[name, mode] = flight_loops(controller, gains, number, lag=slow, delay=late)
     return Control(found, own, slow, late)

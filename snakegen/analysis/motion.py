@@ -25,7 +25,7 @@ COMMAND = "motion"
 ORDER = 65
 EXAMPLE = "arm6 --motion table3 --friction 0.1,0.06 --table torques.csv"
 OPTIONS = {
-    "motion": ["table3", "table3, a CSV (time,joint1_pitch,… in s and rad) or a YAML file"],
+    "motion": [None, "table3, a CSV (time,joint1_pitch,… in s and rad) or YAML; table3 if absent"],
     "duration": [None, "s, instead of the motion's own; sines alone"],
     "rate": [1000.0, "instants a second"],
     "terms": ["full", "depth: static, quasi_static (the paper's eq 24) or full"],
@@ -53,6 +53,7 @@ class MotionResult:
         depth_peaks: (k,) N m by depth, without friction.
         share: by term, its part of the sum over joints, instants and terms of |torque|.
         table: the CSV written, "" if none.
+        assumed: no motion was asked for; the paper's stands in.
     """
 
     name: str
@@ -66,6 +67,7 @@ class MotionResult:
     depth_peaks: dict[str, Floats]
     share: dict[str, float]
     table: str
+    assumed: bool = False
 
     @property
     def peak(self) -> Floats:
@@ -94,7 +96,8 @@ class MotionResult:
         if self.friction.present:
             what += f", friction {self.friction.static:g} N·m static, {self.friction.sliding:g}"
         span = self.along.time[-1]
-        out = [("motion", f"{self.name}, {span:.4g} s, {what}; torques {self.terms}")]
+        name = f"{self.name} (assumed: none was given)" if self.assumed else self.name
+        out = [("motion", f"{name}, {span:.4g} s, {what}; torques {self.terms}")]
         shares = [
             f"{k.replace('_', ' ')} {100 * x:.3g} %" for k, x in self.share.items() if x > 0.0005
         ]
@@ -142,6 +145,7 @@ class MotionResult:
 
         return {
             "motion": self.name,
+            "motion_assumed": self.assumed,
             "duration_s": float(self.along.time[-1]),
             "samples": len(self.along.time),
             "terms": self.terms,
@@ -172,7 +176,7 @@ def analyze(
     robot: Robot,
     q: ArrayLike,
     *,
-    motion: Motion | str | Path = "table3",
+    motion: Motion | str | Path | None = None,
     duration: float | str | None = None,
     rate: float = 1000.0,
     terms: Depth = "full",
@@ -187,7 +191,7 @@ def analyze(
     Args:
         robot: an arm.
         q: (nq,) posture, where joints that the motion does not name stay.
-        motion: as in `motion_of`.
+        motion: as in `motion_of`; ``table3``, said to be assumed, if absent.
         duration: s, instead of the motion's own; sines alone.
         rate: instants a second.
         terms: depth of the torques: ``static``, ``quasi_static``, ``full``.
@@ -208,7 +212,8 @@ def analyze(
     names = robot.chain_joints
     start = robot.angles(q)[[robot.joint_names.index(n) for n in names]]
     lasts = _seconds(duration)
-    moved = motion_of(robot, motion, duration=lasts, start=start, ends=ends)
+    wanted: Motion | str | Path = "table3" if motion is None else motion
+    moved = motion_of(robot, wanted, duration=lasts, start=start, ends=ends)
     if gravity is None:
         gravity = np.zeros(3) if moved.name.startswith("table3") else DOWN
     rub = friction_of(friction)
@@ -231,6 +236,7 @@ def analyze(
         {depth: np.abs(along.torque(depth)).max(axis=0) for depth in DEPTHS},
         {k: x / whole if whole > 0 else 0.0 for k, x in summed.items()},
         "" if table is None else str(table),
+        motion is None,
     )
     if table is not None:
         write_table(result, Path(table))

@@ -22,7 +22,7 @@ from snakegen.kinetostatics.law import (
     twist_matrix,
 )
 from snakegen.kinetostatics.support import hold_up
-from snakegen.kinetostatics.tip import TipLoad, find_tip, tip_load, tip_pose
+from snakegen.kinetostatics.tip import TipLoad, find_tip, plain, tip_load, tip_pose
 from snakegen.kinetostatics.worst import worst_posture
 from snakegen.robot import Robot
 
@@ -53,7 +53,8 @@ class StaticsResult:
     Attributes:
         joints: (n,) names.
         terms: depth that `torque` has.
-        support: what carries the weight: ``base``, ``hover`` or ``thrust``.
+        support: what carries the weight: ``base``, ``hover``, ``dual`` (as in `Support`) or
+            ``thrust``.
         torque: (n,) N m.
         limit: (n,) N m, servo limits.
         use: (n,) |torque| / limit.
@@ -68,6 +69,7 @@ class StaticsResult:
         tip_load: what the tip can bear, for robots with a chain joint.
         worst: the hardest posture by joint name, its largest use, a proved bound of the use in any
             posture (base held), and the joint, if asked.
+        flies: whether the robot floats and has rotors.
     """
 
     joints: tuple[str, ...]
@@ -86,6 +88,7 @@ class StaticsResult:
     tip: tuple[str, Floats]
     tip_load: TipLoad | None
     worst: dict[str, Any] | None
+    flies: bool
 
     @property
     def overloaded(self) -> tuple[str, ...]:
@@ -94,9 +97,9 @@ class StaticsResult:
 
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people: the whole, then the joints, hardest first."""
-        by = {"base": "base held", "hover": "vectored thrust in hover", "thrust": "thrust as given"}
         shares = [f"{k.replace('_', ' ')} {100 * x:.3g} %" for k, x in self.share.items() if x > 0]
-        out = [("support", by[self.support])]
+        alone = ": its rotors cannot hold it here" if self.flies else ""
+        out = [("support", _SUPPORTS[self.support] + (alone if self.support == "base" else ""))]
         out.append(("consists of", ", ".join(shares) or "nothing: no load"))
         if self.overloaded:
             out.append(("overloaded", ", ".join(self.overloaded)))
@@ -106,7 +109,8 @@ class StaticsResult:
             bent = {k: x for k, x in self.worst["posture"].items() if abs(x) >= 0.005}
             angles = ", ".join(f"{k} {x:+.2f}" for k, x in bent.items()) or "all joints at 0"
             use = f"{100 * self.worst['use']:.3g} % of {self.worst['joint']}"
-            out.append(("worst posture", f"{use} at {angles}"))
+            held = " (base held)" if self.worst["support"] != self.support else ""
+            out.append(("worst posture", f"{use} at {angles}{held}"))
             if self.worst["use_bound"] is not None:
                 most = f"no posture takes more than {100 * self.worst['use_bound']:.4g} %"
                 out.append(("", f"{most} of any joint (proved)"))
@@ -131,12 +135,17 @@ class StaticsResult:
         if load.payload == 0.0:
             return [("tip", f"on {self.tip[0]}: nothing more, a joint is overloaded already")]
         sag = f"{1e3 * float(np.linalg.norm(load.sag)):.3g} mm by its servos"
+        # A free body gives way, or its rotors answer anew: neither is what was worked out here.
+        how = " (root held)" if self.flies else ""
         any_wrench = f"{load.wrench_radius:.4g} N in every direction of [force; torque / "
         return [
-            ("tip bears", _bears(load.force_radius, "N", load.force_joint, load.free)),
+            (f"tip bears{how}", _bears(load.force_radius, "N", load.force_joint, load.free)),
             ("", _bears(load.torque_radius, "N·m", "", load.torque_free)),
             ("  any wrench", f"{any_wrench}{load.lever:.3g} m] (limit: {load.wrench_joint})"),
-            ("tip carries", "any weight" if np.isinf(load.payload) else f"{load.payload:.4g} kg"),
+            (
+                f"tip carries{how}",
+                "any weight" if np.isinf(load.payload) else f"{load.payload:.4g} kg",
+            ),
             ("tip gives way", sag),
         ]
 
@@ -148,8 +157,8 @@ class StaticsResult:
             "terms": self.terms,
             "support": self.support,
             "torque_Nm": self.torque.tolist(),
-            "limit_Nm": _plain(self.limit),
-            "use": _plain(self.use),
+            "limit_Nm": plain(self.limit),
+            "use": plain(self.use),
             "overloaded": list(self.overloaded),
             "by_term_Nm": {k: v.tolist() for k, v in self.by_term.items()},
             "share": self.share,
@@ -159,11 +168,17 @@ class StaticsResult:
             "twist_singular_values": self.twist_singular_values.tolist(),
             "twist_rank": self.twist_rank,
             "tip": {"link": self.tip[0], "position_m": self.tip[1].tolist()},
-            "tip_load": None if load is None else _tip_json(load),
+            "tip_load": None if load is None else load.to_json(),
             "worst": self.worst,
         }
 
 
+_SUPPORTS = {
+    "base": "base held",
+    "hover": "vectored thrust in hover",
+    "dual": "dual-rotor hover, gimbals as they stand",
+    "thrust": "thrust as given",
+}
 _SHOWN = 12  # joints in a table; a longer robot shows its hardest
 
 
@@ -243,6 +258,7 @@ def analyze(
         (end.link, tip_pose(robot, q, end).position),
         load,
         worst_posture(robot, q, hold=hold, seed=seed, **given) if worst else None,
+        robot.floating and bool(robot.modules.apparatuses),
     )
 
 
@@ -267,32 +283,3 @@ def _shares(by_term: Mapping[str, Floats]) -> dict[str, float]:
     sizes = {k: float(np.sum(np.abs(v))) for k, v in by_term.items()}
     whole = sum(sizes.values())
     return {k: (x / whole if whole > 0 else 0.0) for k, x in sizes.items()}
-
-
-def _plain(values: Floats) -> list[float | None]:
-    """Returns numbers for JSON, which knows neither infinity nor NaN."""
-    return [float(x) if np.isfinite(x) else None for x in np.ravel(values)]
-
-
-def _tip_json(load: TipLoad) -> dict[str, Any]:
-    """Returns a tip's loads as plain data."""
-    directions = ("+x", "-x", "+y", "-y", "+z", "-z")
-    return {
-        "force_every_direction_N": _plain(np.array([load.force_radius]))[0],
-        "limiting_joint": load.force_joint,
-        "worst_direction": load.force_direction.tolist(),
-        "torque_every_direction_Nm": _plain(np.array([load.torque_radius]))[0],
-        "wrench_every_direction_N": _plain(np.array([load.wrench_radius]))[0],
-        "wrench_limiting_joint": load.wrench_joint,
-        "wrench_lever_m": load.lever,
-        "force_along_N": dict(zip(directions, _plain(load.axes_force), strict=True)),
-        "torque_along_Nm": dict(zip(directions, _plain(load.axes_torque), strict=True)),
-        "force_corners_N": load.corners.tolist(),
-        "torque_corners_Nm": load.torque_corners.tolist(),
-        "unfelt_directions": load.free.T.tolist(),
-        "unfelt_torque_directions": load.torque_free.T.tolist(),
-        "payload_kg": _plain(np.array([load.payload]))[0],
-        "compliance": load.compliance.tolist(),
-        "stiffness": load.stiffness.tolist(),
-        "servo_sag_m": load.sag.tolist(),
-    }

@@ -8,12 +8,14 @@ from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats, move_wrench, skew
+from snakegen.kernels.bounded import box_allocation
 from snakegen.kernels.chain import centre_of_gravity, forward
 from snakegen.kinetostatics.law import DOWN, Wrenches, finite, joint_torques, rotor_wrenches
 from snakegen.robot import Robot
 
 Hold = Literal["auto", "base", "hover"]
-Kind = Literal["base", "hover", "thrust"]
+Kind = Literal["base", "hover", "dual", "thrust"]
+_MET = 1e-6  # of the load: a hover that meets it to this holds it
 
 
 @dataclass(frozen=True)
@@ -21,9 +23,10 @@ class Support:
     """Wrenches that hold a robot up.
 
     Attributes:
-        kind: ``base`` held at the root; ``hover`` vectored apparatus forces; ``thrust`` as given.
+        kind: ``base`` held at the root; ``hover`` vectored apparatus forces; ``dual`` each rotor
+            on its own, gimbals as in q; ``thrust`` as given.
         wrenches: (bodies, 6) world axes at body origins.
-        forces: (apparatuses, 3) N, world; empty unless hovering.
+        forces: (apparatuses, 3) N, world; empty unless hovering by vectored forces.
     """
 
     kind: Kind
@@ -44,6 +47,8 @@ def support(
     In hover each apparatus force is free in direction: the least-norm set ``F = Q_force^# w``
     (ZN23 eq 36) that balances everything, pushing at the thrust points; drag torques cancel in
     virtual-single-rotor mode. Take q from a hover posture, or the gimbals bear the difference.
+    Where that cannot be, or nothing turns the rotors, each rotor answers on its own: the least
+    thrusts within their limits, gimbals as in q (dual-rotor mode).
 
     Args:
         robot: any robot.
@@ -67,6 +72,21 @@ def support(
     if count == 0 or not robot.floating:
         what = "no vectoring apparatus" if robot.floating else "a fixed base"
         raise AnalysisError(f"{robot.name} has {what}: it cannot hover; hold its base.")
+    found = _vectored(robot, q, load) if robot.gimbal_names else None
+    found = found or _dual(robot, q, load)
+    if found is not None:
+        return found
+    if hold == "auto":
+        return Support("base", np.zeros((bodies, 6)), np.zeros((0, 3)))
+    raise AnalysisError(
+        f"{robot.name}: neither its apparatus forces nor its rotors, gimbals as given, can hold "
+        "this load in this posture; hold the base instead."
+    )
+
+
+def _vectored(robot: Robot, q: Floats, load: Floats) -> Support | None:
+    """Returns the least-norm apparatus forces that balance `load` (6,), None where none do."""
+    count, bodies = len(robot.modules.apparatuses), len(robot.tree.parent)
     base, _ = robot.base_pose(q)
     rotation, position = forward(robot.tree, base, np.zeros(3), robot.angles(q))
     carriers, points = robot.gimbals.thrust_body, robot.gimbals.thrust_point
@@ -74,24 +94,50 @@ def support(
     places = [position[b] + x for b, x in zip(carriers, levers, strict=True)]
     # About the CoG and over the link length: the least-norm set and the residual need one scale.
     _, cog = centre_of_gravity(robot.tree, rotation, position)
-    about = np.concatenate([load[:3], load[3:] - np.cross(cog, load[:3])])
-    scale = np.repeat([1.0, 1.0 / robot.link_length], 3)[:, None]
-    Q = scale * np.hstack([np.vstack([np.eye(3), skew(p - cog)]) for p in places])
-    target = -scale[:, 0] * about
+    scale, target = _target(robot, load, cog)
+    Q = scale[:, None] * np.hstack([np.vstack([np.eye(3), skew(p - cog)]) for p in places])
     forces: Floats = np.linalg.lstsq(Q, target, rcond=1e-9)[0]
-    missing = float(np.linalg.norm(Q @ forces - target))
-    if missing > 1e-6 * max(float(np.linalg.norm(target)), 1e-9):
-        if hold == "auto":
-            return Support("base", np.zeros((bodies, 6)), np.zeros((0, 3)))
-        raise AnalysisError(
-            f"{robot.name}: its apparatus forces cannot hold this load in this posture "
-            f"({missing:.3g} N are left); hold the base instead."
-        )
+    if float(np.linalg.norm(Q @ forces - target)) > _tolerance(target):
+        return None
     out = np.zeros((bodies, 6))
     f = finite(forces, (3 * count,), "hover forces").reshape(count, 3)
     for b, x, force in zip(carriers, levers, f, strict=True):
         out[b] += move_wrench(np.concatenate([force, np.zeros(3)]), x)
     return Support("hover", out, f)
+
+
+def _dual(robot: Robot, q: Floats, load: Floats) -> Support | None:
+    """Returns the least thrusts within their limits that balance `load` (6,), None if none do."""
+    base, _ = robot.base_pose(q)
+    rotation, position = forward(robot.tree, base, np.zeros(3), robot.angles(q))
+    _, cog = centre_of_gravity(robot.tree, rotation, position)
+    scale, target = _target(robot, load, cog)
+    rotors = robot.rotors
+    matrix = np.zeros((6, len(rotors.body)))
+    for k, b in enumerate(rotors.body):
+        axis = rotation[b] @ rotors.axis[k]
+        arm = position[b] + rotation[b] @ rotors.position[k] - cog
+        matrix[:, k] = np.concatenate([axis, np.cross(arm, axis) + rotors.torque_ratio[k] * axis])
+    size = max(float(np.linalg.norm(target)), 1e-9)
+    rows = scale / size
+    thrust = box_allocation(
+        matrix, target / scale, rows, rotors.thrust_max, rotors.thrust_min, rotors.thrust_max
+    )
+    if float(np.linalg.norm(scale * (matrix @ thrust) - target)) > _tolerance(target):
+        return None
+    return Support("dual", rotor_wrenches(robot, q, thrust), np.zeros((0, 3)))
+
+
+def _target(robot: Robot, load: Floats, cog: Floats) -> tuple[Floats, Floats]:
+    """Returns row scales (6,), and the scaled wrench about the CoG that answers `load`."""
+    about = np.concatenate([load[:3], load[3:] - np.cross(cog, load[:3])])
+    scale = np.repeat([1.0, 1.0 / robot.link_length], 3)
+    return scale, -scale * about
+
+
+def _tolerance(target: Floats) -> float:
+    """Returns what of a scaled load may be left by rounding."""
+    return _MET * max(float(np.linalg.norm(target)), 1e-9)
 
 
 def hold_up(

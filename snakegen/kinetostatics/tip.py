@@ -1,6 +1,7 @@
 """What a robot's tip can bear, carry and yield: polytope, payload and stiffness at one point."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,6 +85,30 @@ class TipLoad:
     compliance: Floats
     stiffness: Floats
     sag: Floats
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data; keys carry units, infinite values are null."""
+        directions = ("+x", "-x", "+y", "-y", "+z", "-z")
+        return {
+            "root_held": True,
+            "force_every_direction_N": plain(np.array([self.force_radius]))[0],
+            "limiting_joint": self.force_joint,
+            "worst_direction": self.force_direction.tolist(),
+            "torque_every_direction_Nm": plain(np.array([self.torque_radius]))[0],
+            "wrench_every_direction_N": plain(np.array([self.wrench_radius]))[0],
+            "wrench_limiting_joint": self.wrench_joint,
+            "wrench_lever_m": self.lever,
+            "force_along_N": dict(zip(directions, plain(self.axes_force), strict=True)),
+            "torque_along_Nm": dict(zip(directions, plain(self.axes_torque), strict=True)),
+            "force_corners_N": self.corners.tolist(),
+            "torque_corners_Nm": self.torque_corners.tolist(),
+            "unfelt_directions": self.free.T.tolist(),
+            "unfelt_torque_directions": self.torque_free.T.tolist(),
+            "payload_kg": plain(np.array([self.payload]))[0],
+            "compliance": self.compliance.tolist(),
+            "stiffness": self.stiffness.tolist(),
+            "servo_sag_m": self.sag.tolist(),
+        }
 
 
 def find_tip(robot: Robot, link: str | None = None, point: ArrayLike | None = None) -> Tip:
@@ -192,3 +217,8 @@ def servo_stiffness(robot: Robot) -> Floats:
     """Returns each joint's servo stiffness (n,) [N m/rad], inf where no servo is known."""
     known = {s.joint: s.stiffness for s in robot.modules.servos}
     return np.array([known.get(n, np.inf) for n in robot.joint_names])
+
+
+def plain(values: Floats) -> list[float | None]:
+    """Returns numbers for JSON, which knows neither infinity nor NaN."""
+    return [float(x) if np.isfinite(x) else None for x in np.ravel(values)]

@@ -127,8 +127,9 @@ def worst_posture(
     """Returns the posture inside the joint limits in which a servo is used hardest, at rest.
 
     Chain joints move, the others stay as in q; `wrenches` keep their directions in the world. In
-    hover, postures that apparatus forces within their limits cannot hold are left out. `use` is
-    found by multi-start search, `agreeing` of `starts` searches ended at it; with the base held
+    hover, postures that apparatus forces within their limits cannot hold are left out; in
+    dual-rotor hover, whose gimbals suit q alone, the base is held. `use` is found by multi-start
+    search, `agreeing` of `starts` searches ended at it; with the base held
     `use_bound` is what no posture exceeds (`worst_bound`), else null.
 
     Raises:
@@ -141,6 +142,8 @@ def worst_posture(
         raise AnalysisError(f"{robot.name}: a chain joint has an effort limit of 0.")
     given: dict[str, Any] = {"wrenches": wrenches, "gravity": gravity}
     kind = hold_up(robot, q, hold=hold, **given).kind
+    if kind == "dual":  # the gimbals of q suit q alone
+        kind = "base"
     measure = _held_torques if kind == "base" else _hover_torques
     torques = measure(robot, q, names, **given)
     found = search(
