@@ -258,6 +258,29 @@ def test_compare_two_runs(run: Recording, log: Path, tmp_path: Path):
     assert rows["finite"].difference is None
 
 
+def test_two_runs_are_told_apart(run: Recording, log: Path, tmp_path: Path):
+    import json
+
+    from click.testing import CliRunner
+
+    from snakegen.cli.inspect import inspect as command
+
+    meta = run.meta | {"robot": "worm", "seed": 7}
+    other = write(dataclasses.replace(run, meta=meta), tmp_path / "other.rrd")
+    page = CliRunner().invoke(command, [str(log), str(other)])
+    head = [line.split() for line in page.stdout.splitlines()[:4]]
+    mine = [str(run.meta.get(k, "unknown")) for k in ("robot", "mission", "seed")]
+    assert head[0] == ["file", str(log), str(other)]
+    assert head[1] == ["robot", mine[0], "worm"] and head[3] == ["seed", mine[2], "7"]
+    assert page.stderr.startswith(f"note: the robots differ ({mine[0]}, worm)")
+    data = json.loads(CliRunner().invoke(command, [str(log), str(other), "--json"]).stdout)
+    assert data["runs"]["b"]["seed"] == 7 and data["runs"]["a"]["robot"] == mine[0]
+    assert data["runs_differ_in"] == ["robot"]
+    assert data["position_max_m"]["difference"] == 0.0
+    same = CliRunner().invoke(command, [str(log), str(log)])
+    assert same.exit_code == 0 and same.stderr == ""
+
+
 def test_importing_the_package_does_not_import_rerun():
     code = "import sys, snakegen.log; sys.exit('rerun' in sys.modules or 'pyarrow' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0

@@ -122,6 +122,27 @@ def test_plain_picture_shows_the_run(log: Path, tmp_path: Path):
         snapshot(log, tmp_path / "no" / "a.png")
     with pytest.raises(LogError, match="there are auto, viewer, matplotlib"):
         snapshot(log, png, renderer="crayon")
+    for time in (float("nan"), -0.1, 3.2):
+        with pytest.raises(LogError, match=f"no time {time:g} s; it goes from 0 to 2.995 s"):
+            snapshot(log, png, time=time)
+    with pytest.raises(LogError, match=r"d\.jpg: a picture's name must end in \.png"):
+        snapshot(log, tmp_path / "d.jpg")
+    assert not (tmp_path / "d.jpg").exists()
+
+
+def test_inspect_names_the_picture(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    from click.testing import CliRunner
+
+    from snakegen.cli.inspect import inspect
+    from snakegen.log import picture
+
+    def none(*_: object) -> None:
+        raise LogError("no viewer")
+
+    monkeypatch.setattr(picture, "_draw_with_viewer", none)
+    png = tmp_path / "end.png"
+    found = CliRunner().invoke(inspect, [str(log), "--png", str(png), "--time", "3"])
+    assert found.stderr == f"{png} (drawn by matplotlib)\n" and png.is_file()
 
 
 def test_viewer_draws_the_log_or_says_what_it_needs(log: Path, tmp_path: Path):

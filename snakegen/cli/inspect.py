@@ -65,6 +65,9 @@ def _compare(file: str, other: str, as_json: bool) -> int:
 
     found = comparison(file, other)
     heads = {"a": vars(found.a), "b": vars(found.b)}
+    for name in found.differing:
+        a, b = (_unknown(head[name]) for head in heads.values())
+        note(f"note: the {name}s differ ({a}, {b}): their metrics measure different things")
     if as_json:
         rows = {r.metric: {"a": r.a, "b": r.b, "difference": r.difference} for r in found.rows}
         print_json({"runs": heads, "runs_differ_in": list(found.differing)} | rows)
@@ -74,9 +77,6 @@ def _compare(file: str, other: str, as_json: bool) -> int:
     wide, left, right = (max(map(len, column)) for column in zip(*table, strict=True))
     for name, a, b in table:
         click.echo(f"{name:<{wide}}  {a:>{left}}  {b:>{right}}")
-    for name in found.differing:
-        a, b = (_unknown(head[name]) for head in heads.values())
-        note(f"note: the {name}s differ ({a}, {b}): their metrics measure different things")
     return 0
 
 
