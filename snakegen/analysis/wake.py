@@ -1,13 +1,17 @@
-"""Wake: rotors that stand in the stream of another apparatus, named, with the distance."""
+"""Wake: rotors and links that stand in a rotor's stream, named, and the thrust that links take."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from scipy.special import erf
 
-from snakegen.analysis.allocation import allocation
+from snakegen.analysis.allocation import Allocation, allocation
+from snakegen.description.solids_of import rod_radii
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
+from snakegen.kernels.chain import centre_of_gravity, forward
+from snakegen.modules import Rotor
 from snakegen.robot import Robot
 
 COMMAND = "wake"
@@ -16,6 +20,19 @@ OPTIONS = {
     "reach": [2.0, "m downstream within which a stream counts"],
     "spread": [0.10, "tangent of the stream's half angle (free jets: about 0.1)"],
 }
+_DRAG = 1.1  # of a cylinder across the flow, where the plant says nothing (Hoerner)
+_LEAST = 0.01  # of a rotor's thrust: what links take below this is not worth a line
+_PIECES = 400  # of a rod, at whose middles the stream is evaluated
+
+
+@dataclass(frozen=True)
+class Blocked:
+    """Link `link` stands in the stream of rotor `source` and takes `share` of its thrust."""
+
+    source: str
+    link: str
+    share: float  # drag of the link along the stream over the rotor's thrust
+    distance: float  # m, along the stream to the nearest point of the rod that it meets
 
 
 @dataclass(frozen=True)
@@ -31,9 +48,13 @@ class Overlap:
 
 @dataclass(frozen=True)
 class Wake:
-    """All overlaps between rotors of different apparatuses, nearest first."""
+    """Overlaps between rotors of different apparatuses, nearest first; links that are blown on.
+
+    Links are listed by what they take, from 1 % of a rotor's thrust on.
+    """
 
     overlaps: tuple[Overlap, ...]
+    blocked: tuple[Blocked, ...]
     reach: float
     spread: float
 
@@ -43,10 +64,24 @@ class Wake:
             "reach_m": self.reach,
             "spread": self.spread,
             "overlaps": [asdict(o) for o in self.overlaps],
+            "blocked_by_links": [asdict(b) for b in self.blocked],
         }
 
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people."""
+        return self._overlap_rows() + self._blocked_rows()
+
+    def _blocked_rows(self) -> list[tuple[str, str]]:
+        shown = [
+            ("thrust lost", f"{b.link} stands in the stream of {b.source}, {b.distance:.2g} m "
+                            f"downstream, and takes {100 * b.share:.2g} % of its thrust")
+            for b in self.blocked[:6]
+        ]  # fmt: skip
+        if len(self.blocked) > 6:
+            shown.append(("", f"and {len(self.blocked) - 6} more"))
+        return shown
+
+    def _overlap_rows(self) -> list[tuple[str, str]]:
         if not self.overlaps:
             return [("wake", f"no rotor stands in another's stream within {self.reach:g} m")]
         shown = [
@@ -60,12 +95,12 @@ class Wake:
 
 
 def applies(robot: Robot) -> bool:
-    """More than one apparatus."""
-    return len(robot.modules.apparatuses) > 1
+    """More than one apparatus, or one on links of known length."""
+    return len(robot.modules.apparatuses) > (0 if robot.modules.lengths else 1)
 
 
 def analyze(robot: Robot, q: Floats, reach: float = 2.0, spread: float = 0.10) -> Wake:
-    """Returns which rotor discs the streams touch.
+    """Returns which rotor discs the streams touch, and which links they blow on.
 
     A stream is a cone along −u from its rotor: radius ``r + spread · d`` at distance d. A disc of
     radius r' at offset e is touched where ``e < r + spread d + r'``. A simple geometric model.
@@ -88,4 +123,70 @@ def analyze(robot: Robot, q: Floats, reach: float = 2.0, spread: float = 0.10) -
             radius = 0.5 * source.diameter + spread * distance + 0.5 * hit.diameter
             if offset < radius:
                 found.append(Overlap(source.link, hit.link, distance, offset, 1 - offset / radius))
-    return Wake(tuple(sorted(found, key=lambda o: o.distance)), reach, spread)
+    blocked = _blocked(robot, q, a, reach, spread)
+    return Wake(tuple(sorted(found, key=lambda o: o.distance)), blocked, reach, spread)
+
+
+def _blocked(
+    robot: Robot, q: Floats, a: Allocation, reach: float, spread: float
+) -> tuple[Blocked, ...]:
+    """Returns the links that take thrust from a rotor, the own ones too, worst first."""
+    names = list(robot.modules.lengths)
+    radii = rod_radii(robot.urdf, names)
+    drag = float(robot.modules.plant.get("drag_coefficient", _DRAG))
+    rotation, position = forward(robot.tree, np.eye(3), np.zeros(3), robot.angles(q))
+    _, cog = centre_of_gravity(robot.tree, rotation, position)  # root-link axes, as a has
+    rotors = [r for m in robot.modules.apparatuses for r in m.rotors]
+    out = []
+    for name, radius in zip(names, radii, strict=True):
+        body, turn, origin = robot.body_of_link(name)
+        start = position[body] + rotation[body] @ origin - cog
+        rod = rotation[body] @ turn[:, 0]
+        for k, rotor in enumerate(rotors):
+            share, distance = blocked_share(
+                rotor, a.rotor_positions[k], a.rotor_axes[k], start, rod,
+                robot.modules.lengths[name], float(radius), drag, reach, spread,
+            )  # fmt: skip
+            if share >= _LEAST:
+                out.append(Blocked(rotor.link, name, share, distance))
+    return tuple(sorted(out, key=lambda b: -b.share))
+
+
+def blocked_share(
+    rotor: Rotor, place: Floats, axis: Floats, start: Floats, rod: Floats, length: float,
+    radius: float, drag: float, reach: float, spread: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Returns the share of a rotor's thrust that a rod in its stream takes, and how near it is.
+
+    The stream is that of `kernels.air.add_stream`, ``V² = 2T/(ρπb²) exp(−2(e/b)²)`` with
+    ``b = R + spread·d``. On each piece of rod the drag of the flow across it, along the stream:
+    ``½ ρ C_d V² sin³γ`` per area, γ between rod and stream; V² is integrated over the rod's width.
+
+    Args:
+        rotor: for its diameter.
+        place, axis: (3,) m and unit, of its disc; the stream goes along −axis.
+        start, rod: (3,) m and unit, the rod's end and direction.
+        length, radius: m, of the rod.
+        drag: C_d.
+        reach, spread: as in `analyze`.
+    """
+    middles = (np.arange(_PIECES) + 0.5) * length / _PIECES
+    away = start + middles[:, None] * rod - place
+    down = -(away @ axis)
+    met = (down > 0.0) & (down <= reach)
+    across = np.cross(axis, rod)
+    sine = float(np.linalg.norm(across))
+    if not met.any() or radius <= 0.0 or rotor.diameter <= 0.0 or sine < 1e-9:
+        return 0.0, np.inf
+    away, down = away[met], down[met]
+    wide = 0.5 * rotor.diameter + spread * down
+    aside = away @ (across / sine)
+    other = np.sum(away**2, axis=1) - down**2 - aside**2
+    edge = np.sqrt(2.0) / wide
+    strip = (
+        np.sqrt(np.pi / 8.0) * wide * (erf(edge * (aside + radius)) - erf(edge * (aside - radius)))
+    )
+    taken = drag * sine**3 / (np.pi * wide**2) * np.exp(-2.0 * other / wide**2) * strip
+    inside = other + aside**2 < wide**2
+    near = float(down[inside].min()) if inside.any() else float(down.min())
+    return float(taken.sum() * length / _PIECES), near
