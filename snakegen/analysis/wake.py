@@ -1,4 +1,7 @@
-"""Wake: rotors and links that stand in a rotor's stream, named, and the thrust that links take."""
+"""Wake: rotors that stand in the stream of another apparatus, named, with the distance.
+
+Links that a stream blows on, the rotor's own among them, are named with the thrust they take.
+"""
 
 from dataclasses import asdict, dataclass
 from typing import Any
