@@ -1,10 +1,12 @@
 """Certified vectored margins against an independent search over many random bodies.
 
 Run: ``python benchmarks/vectored_fuzz.py --bodies 10000``. Bodies are bent, near-straight down to
-1e-3 rad, of 3 to 6 apparatuses with unequal limits, hovering in random attitudes. Of every bracket
-it is checked, with NumPy alone, that
+1e-3 rad, of 3 to 6 apparatuses with unequal limits, hovering in random attitudes; with ``--drag``
+of any spin, up to that many m each, some of them 0. Of every bracket it is checked, with NumPy
+alone, that
 
-- the upper bound is a true one: its twist, put into ``h(v, ω) = Σ L_j ‖v + ω × p_j‖``, gives it;
+- the upper bound is a true one: its twist, put into ``h(v, ω) = Σ L_j ‖v + ω × p_j + c_j ω‖``,
+  gives it;
 - a random search over twists (many starts, growing and shrinking steps) finds none below the lower.
 
 Exit 1 where a bracket fails; brackets that did not close are counted.
@@ -36,15 +38,16 @@ def bodies(rng, m, n):
     return out + 1e-3 * bend[:, None, None] * rng.normal(size=(m, 1, 3))
 
 
-def ratios(twist, points, limits, hover, part):
+def ratios(twist, points, limits, drag, hover, part):
     """Returns (h(d) - d·w0)/‖d_part‖ of twists (m, k, 6), in N or N·m."""
-    speed = twist[:, :, None, :3] + np.cross(twist[:, :, None, 3:], points[:, None])
+    spin = twist[:, :, None, 3:]
+    speed = twist[:, :, None, :3] + np.cross(spin, points[:, None]) + drag[:, None] * spin
     height = (np.linalg.norm(speed, axis=3) * limits).sum(axis=2)
     size = np.linalg.norm(twist[:, :, part], axis=2)
     return (height - np.einsum("mki,mi->mk", twist, hover)) / np.maximum(size, 1e-12)
 
 
-def searched(rng, points, limits, hover, part, starts, rounds):
+def searched(rng, points, limits, drag, hover, part, starts, rounds):
     """Returns the least ratio (m,) found by random steps whose length adapts."""
     m = len(points)
     _, s, axes = np.linalg.svd(points, full_matrices=False)  # turns about the body's own axes
@@ -55,10 +58,11 @@ def searched(rng, points, limits, hover, part, starts, rounds):
         return np.concatenate([x[:, :, :3], spin], axis=2)
 
     x = rng.normal(size=(m, starts, 6))
-    best, step = ratios(whole(x), points, limits, hover, part), np.full((m, starts), 0.5)
+    given = points, limits, drag, hover, part
+    best, step = ratios(whole(x), *given), np.full((m, starts), 0.5)
     for _ in range(rounds):
         trial = x + step[:, :, None] * rng.normal(size=x.shape)
-        value = ratios(whole(trial), points, limits, hover, part)
+        value = ratios(whole(trial), *given)
         better = value < best
         x[better], best = trial[better], np.minimum(value, best)
         step = np.clip(np.where(better, 1.6 * step, 0.9 * step), 1e-9, 2.0)
@@ -69,6 +73,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bodies", type=int, default=10000)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--drag", type=float, default=0.0, help="m, largest of an apparatus")
     parser.add_argument("--starts", type=int, default=6)
     parser.add_argument("--rounds", type=int, default=300)
     options = parser.parse_args()
@@ -78,11 +83,14 @@ def main() -> int:
     while total < options.bodies:
         m, n = min(500, options.bodies - total), int(rng.integers(3, 7))
         points, limits = bodies(rng, m, n), rng.uniform(1.2, 3.5, n) * WEIGHT
+        drag = np.zeros(n)
+        if options.drag:
+            drag = options.drag * rng.uniform(-1, 1, n) * (rng.random(n) < 0.8)
         up = rng.normal(size=(m, 3))
         up *= n * WEIGHT / np.linalg.norm(up, axis=1, keepdims=True)
         hover = np.hstack([up, np.zeros((m, 3))])
         scales = {"force_scale": n * WEIGHT, "torque_scale": n * WEIGHT * LENGTH}
-        found = vectored_margins(points, limits, hover, **scales)
+        found = vectored_margins(points, limits, hover, drag=drag, **scales)
         total, closed, outside = total + m, closed + found.closed.sum(), outside + m
         kept = np.flatnonzero(found.feasible & (found.rank == 6))
         outside -= len(kept)
@@ -90,10 +98,9 @@ def main() -> int:
         for k, part in ((1, slice(0, 3)), (2, slice(3, 6))):
             low, high = found.bounds[kept, k].T
             twist = (found.twists[kept, k] * unit)[:, None]
-            sure = ratios(twist, points[kept], limits, hover[kept], part)[:, 0]
-            best = searched(
-                rng, points[kept], limits, hover[kept], part, options.starts, options.rounds
-            )
+            given = points[kept], limits, drag, hover[kept], part
+            sure = ratios(twist, *given)[:, 0]
+            best = searched(rng, *given, options.starts, options.rounds)
             slack = ROUNDED * (high + scales["force_scale"])
             off = (np.abs(sure - high) > slack) | (best < low - slack) | (low > high + slack)
             wrong += int(off.sum())

@@ -106,7 +106,7 @@ def _margin_map(first: int, title: str, unit: str) -> Callable[[Any, "Page", Pat
         margins: Any
         if robot.gimbal_names:
             limit = robot.gimbals.limit
-            margins = vectored_margins(a.thrust_points, limit, a.hover_wrench, **scale)
+            margins = vectored_margins(a.thrust_points, limit, a.hover_wrench, drag=a.drag, **scale)
         else:
             low, high = robot.rotors.thrust_min, robot.rotors.thrust_max
             margins = thrust_margins(a.dual, low, high, a.hover_wrench, **scale)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
 from snakegen.kernels.chain import forward, mass_properties
-from snakegen.kernels.wrench_map import link_axes, thrust_points, wrench_maps
+from snakegen.kernels.wrench_map import link_axes, mean_drag, thrust_points, wrench_maps
 from snakegen.robot import GRAVITY, Robot
 
 
@@ -32,6 +32,7 @@ class Allocation:
         hover_wrench: (6,) [m g Rᵀ ẑ; 0].
         thrust_points: (Ñ, 3) m, where apparatus forces act, from the CoG.
         link_axes: (Ñ, 3, 3) axes of each apparatus' link, in the root link's.
+        drag: (Ñ,) m, torque along each apparatus' force per newton: the mean -κ s of its rotors.
     """
 
     mass: float
@@ -46,6 +47,7 @@ class Allocation:
     hover_wrench: Floats
     thrust_points: Floats
     link_axes: Floats
+    drag: Floats
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data for a program; keys carry units."""
@@ -104,4 +106,5 @@ def allocation(robot: Robot, q: ArrayLike, thrust: ArrayLike | None = None) -> A
         np.concatenate([base.T @ weight, np.zeros(3)]),
         thrust_points(robot.gimbals, rotation, position, cog, base),
         link_axes(robot.gimbals, rotation, base),
+        mean_drag(robot.rotors, count),
     )

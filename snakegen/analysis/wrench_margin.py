@@ -55,7 +55,7 @@ def analyze(
     """Returns the margins of THEORY A4 at q for both modes.
 
     Vectored: gimbals free, each apparatus force in a ball at its point of the posture's gimbal
-    angles. Dual-rotor: gimbals held at q's angles, exact.
+    angles, the drag of its rotors along it. Dual-rotor: gimbals held at q's angles, exact.
 
     Raises:
         DescriptionError: no such link.
@@ -77,12 +77,13 @@ def analyze(
     vectored: dict[str, Weakest] = {}
     closed = False
     if robot.gimbal_names:
-        v = vectored_margins(a.thrust_points, limit, a.hover_wrench, tolerance=tolerance, **scale)
+        free: dict[str, Any] = {"drag": a.drag} | scale
+        v = vectored_margins(a.thrust_points, limit, a.hover_wrench, tolerance=tolerance, **free)
         closed = bool(v.closed)
         vectored = {n: _weakest(v, n, units) for n in ("wrench", "force", "torque")}
         controller["virtual_single_rotor"] = _slices(
             vectored_controller(
-                a.thrust_points, limit, a.hover_wrench, weights=np.ones(limit.size), **scale
+                a.thrust_points, limit, a.hover_wrench, weights=np.ones(limit.size), **free
             )
         )
     return Margins(
@@ -133,8 +134,9 @@ def _joint_limited(
     }  # fmt: skip
     if robot.gimbal_names:
         found["virtual_single_rotor"] = vectored_joint_limited(
-            a.thrust_points, robot.gimbals.limit, a.hover_wrench, loads.forces, *shared, **more
-        )
+            a.thrust_points, robot.gimbals.limit, a.hover_wrench, loads.forces, *shared,
+            drag=a.drag, **more,
+        )  # fmt: skip
     out = {}
     for mode, m in found.items():
         force, torque = (tuple(float(x) for x in b) for b in (m.force_bounds, m.torque_bounds))
@@ -157,7 +159,7 @@ def _guaranteed(
     out = {"dual_rotor": _slices(dual) | {"attitude_altitude": float(dual.attitude_altitude)}}
     if robot.gimbal_names:
         free = guaranteed_vectored(
-            a.thrust_points, robot.gimbals.limit, a.hover_wrench, **scale, **errors
+            a.thrust_points, robot.gimbals.limit, a.hover_wrench, drag=a.drag, **scale, **errors
         )
         out["virtual_single_rotor"] = _slices(free) | {"wrench": float(free.wrench)}
     return out
@@ -186,9 +188,8 @@ def _failures(
         label = names[row.index] if row.part == "rotor" else units[row.index]
         out.append(("dual_rotor", label, float(m.wrench), float(m.force), float(m.torque)))
     if robot.gimbal_names:
-        for row in vectored_failures(
-            a.thrust_points, robot.gimbals.limit, a.hover_wrench, tolerance=tolerance, **scale
-        ):
+        free: dict[str, Any] = {"drag": a.drag, "tolerance": tolerance} | scale
+        for row in vectored_failures(a.thrust_points, robot.gimbals.limit, a.hover_wrench, **free):
             m = row.margins
             out.append(
                 (

@@ -58,11 +58,11 @@ def farthest(d, phi_most, theta_most, out):
 @bare
 def _price(j, twist, p, low, high, gimbal, turn, local, u, column):
     """Writes the wrench (6,) of apparatus j that lies farthest along the twist; its product."""
-    x, y, z = p[j, 0], p[j, 1], p[j, 2]
+    x, y, z, drag = p[j, 0], p[j, 1], p[j, 2], p[j, 3]
     speed = (
-        twist[0] + twist[4] * z - twist[5] * y,
-        twist[1] + twist[5] * x - twist[3] * z,
-        twist[2] + twist[3] * y - twist[4] * x,
+        twist[0] + twist[4] * z - twist[5] * y + drag * twist[3],
+        twist[1] + twist[5] * x - twist[3] * z + drag * twist[4],
+        twist[2] + twist[3] * y - twist[4] * x + drag * twist[5],
     )
     for c in range(3):
         local[c] = turn[j, 0, c] * speed[0] + turn[j, 1, c] * speed[1] + turn[j, 2, c] * speed[2]
@@ -71,9 +71,9 @@ def _price(j, twist, p, low, high, gimbal, turn, local, u, column):
     for c in range(3):
         column[c] = turn[j, c, 0] * u[0] + turn[j, c, 1] * u[1] + turn[j, c, 2] * u[2]
         column[c] *= strength
-    column[3] = y * column[2] - z * column[1]
-    column[4] = z * column[0] - x * column[2]
-    column[5] = x * column[1] - y * column[0]
+    column[3] = y * column[2] - z * column[1] + drag * column[0]
+    column[4] = z * column[0] - x * column[2] + drag * column[1]
+    column[5] = x * column[1] - y * column[0] + drag * column[2]
     return along * strength
 
 
@@ -105,7 +105,7 @@ def support(e, torque, p, low, high, gimbal, turn, hover, gap, wrenches, owner, 
 
     Args:
         torque: the torque slice (force held), else the force slice.
-        p, low, high: (n, 3), (n,), (n,), scaled points and least and largest forces.
+        p, low, high: (n, 4), (n,), (n,), scaled points and drags, least and largest forces.
         gimbal: (n, 2) rad, largest |φ| and |θ|.
         turn: (n, 3, 3) link axes in CoG axes.
         hover: (6,) scaled.

@@ -15,11 +15,11 @@ FREE = 5  # components of a twist d with d·u = 1
 
 @jit
 def moved(d, p, r):
-    """Writes to `r` (n, 3) the velocities v + ω × p_j of the points under the twist d (6,)."""
+    """Writes to `r` (n, 3) ``v + ω × p_j + c_j ω`` of the twist d (6,), rows of p (p_j, c_j)."""
     for j in range(p.shape[0]):
-        r[j, 0] = d[0] + d[4] * p[j, 2] - d[5] * p[j, 1]
-        r[j, 1] = d[1] + d[5] * p[j, 0] - d[3] * p[j, 2]
-        r[j, 2] = d[2] + d[3] * p[j, 1] - d[4] * p[j, 0]
+        r[j, 0] = d[0] + d[4] * p[j, 2] - d[5] * p[j, 1] + d[3] * p[j, 3]
+        r[j, 1] = d[1] + d[5] * p[j, 0] - d[3] * p[j, 2] + d[4] * p[j, 3]
+        r[j, 2] = d[2] + d[3] * p[j, 1] - d[4] * p[j, 0] + d[5] * p[j, 3]
 
 
 @jit
@@ -98,9 +98,9 @@ def residual(f, p, hover, gap):
     for j in range(p.shape[0]):
         for c in range(3):
             gap[c] += f[j, c]
-        gap[3] += p[j, 1] * f[j, 2] - p[j, 2] * f[j, 1]
-        gap[4] += p[j, 2] * f[j, 0] - p[j, 0] * f[j, 2]
-        gap[5] += p[j, 0] * f[j, 1] - p[j, 1] * f[j, 0]
+        gap[3] += p[j, 1] * f[j, 2] - p[j, 2] * f[j, 1] + p[j, 3] * f[j, 0]
+        gap[4] += p[j, 2] * f[j, 0] - p[j, 0] * f[j, 2] + p[j, 3] * f[j, 1]
+        gap[5] += p[j, 0] * f[j, 1] - p[j, 1] * f[j, 0] + p[j, 3] * f[j, 2]
     size = 0.0
     for c in range(6):
         size += gap[c] * gap[c]
@@ -111,14 +111,14 @@ def residual(f, p, hover, gap):
 def distance(p, limit, hover, rounds, twist):
     """Returns (lower, upper) of the scaled distance from `hover` to the set (accelerated descent).
 
-    Minimises ``½‖Σ (f_j, p_j × f_j) - w0‖²`` over the balls; `twist` (6,) ends as the unit
-    direction from the set to hover. Stops when the bounds agree to 1e-10.
+    Minimises ``½‖Σ (f_j, p_j × f_j + c_j f_j) - w0‖²`` over the balls; `twist` (6,) ends as the
+    unit direction from the set to hover. Stops when the bounds agree to 1e-10.
     """
     n = limit.size
     f, ahead, fresh = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     gap, pull, step, momentum = np.empty(6), np.empty((n, 3)), 0.0, 1.0
     for j in range(n):
-        step += 1.0 + p[j, 0] ** 2 + p[j, 1] ** 2 + p[j, 2] ** 2
+        step += 1.0 + p[j, 0] ** 2 + p[j, 1] ** 2 + p[j, 2] ** 2 + p[j, 3] ** 2
     low, high = 0.0, np.inf
     for _ in range(rounds):
         residual(ahead, p, hover, gap)

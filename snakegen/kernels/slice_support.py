@@ -1,14 +1,16 @@
 """Support function of a slice of the vectored wrench set (THEORY A4), with a point that proves it.
 
-The set is ``{(Σ f_j, Σ p_j × f_j), ‖f_j‖ ≤ L_j}``. Its force slice (torque held at τ0) and torque
-slice (force held at f0), seen from hover, have along a unit e the support
+The set is ``{(Σ f_j, Σ p_j × f_j + c_j f_j), ‖f_j‖ ≤ L_j}``, rows of p being (p_j, c_j). Its force
+slice (torque held at τ0) and torque slice (force held at f0), seen from hover, have along a unit e
+the support
 
-    g(e) = min over z of  Σ L_j ‖v + ω × p_j‖ - v·f0 - ω·τ0,
+    g(e) = min over z of  Σ L_j ‖v + ω × p_j + c_j ω‖ - v·f0 - ω·τ0,
 
 (v, ω) = (e, z) for the force slice and (z, e) for the torque slice. Any z bounds g from above; at
-the minimum the forces ``f_j = L_j r_j/‖r_j‖``, r_j = v + ω × p_j, balance and give a point of the
-slice, which bounds it from below. The minimum often sits on a kink (r_j = 0, an apparatus on the
-twist axis): in the torque slice that is Weber's problem, and its vertex test settles it exactly.
+the minimum the forces ``f_j = L_j r_j/‖r_j‖``, r_j the argument of the norm, balance and give a
+point of the slice, which bounds it from below. The minimum often sits on a kink (r_j = 0, where
+c_j = 0 an apparatus on the twist axis): in the torque slice that is Weber's problem, and its vertex
+test settles it exactly.
 
 e, z, gradients and points are tuples of floats, which stay in registers; a Hessian is its upper
 half (xx, xy, xz, yy, yz, zz).
@@ -24,10 +26,23 @@ LOOSE = {"contract", "nsz", "arcp"}
 
 
 @bare(fastmath=LOOSE)
+def _turned(w, p, j):
+    """Returns w × p_j + c_j w."""
+    return plus(cross(w, read(p, j, 0)), times(w, p[j, 3]))
+
+
+@bare(fastmath=LOOSE)
+def _torque(f, p, j):
+    """Returns p_j × f + c_j f."""
+    return plus(cross(read(p, j, 0), f), times(f, p[j, 3]))
+
+
+@bare(fastmath=LOOSE)
 def _reach(e, z, torque, p, j):
-    """Returns r_j = v + ω × p_j."""
-    at = read(p, j, 0)
-    return plus(z, cross(e, at)) if torque else plus(e, cross(z, at))
+    """Returns r_j = v + ω × p_j + c_j ω."""
+    if torque:
+        return plus(z, _turned(e, p, j))
+    return plus(e, _turned(z, p, j))
 
 
 @bare(fastmath=LOOSE)
@@ -47,19 +62,19 @@ def _force_terms(e, z, p, limit, hover, smooth):
     gx, gy, gz = -hover[3], -hover[4], -hover[5]
     xx = xy = xz = yy = yz = zz = 0.0
     for j in range(limit.size):
-        a, b, c = p[j, 0], p[j, 1], p[j, 2]
-        x = e[0] + z[1] * c - z[2] * b
-        y = e[1] + z[2] * a - z[0] * c
-        w = e[2] + z[0] * b - z[1] * a
+        a, b, c, d = p[j, 0], p[j, 1], p[j, 2], p[j, 3]
+        x = e[0] + z[1] * c - z[2] * b + z[0] * d
+        y = e[1] + z[2] * a - z[0] * c + z[1] * d
+        w = e[2] + z[0] * b - z[1] * a + z[2] * d
         square = x * x + y * y + w * w + smooth * smooth
         size = np.sqrt(square)
         stiff = limit[j] / size
         total += limit[j] * size
-        x, y, w = b * w - c * y, c * x - a * w, a * y - b * x
+        x, y, w = b * w - c * y + d * x, c * x - a * w + d * y, a * y - b * x + d * w
         gx += stiff * x
         gy += stiff * y
         gz += stiff * w
-        k, less = stiff * (a * a + b * b + c * c), stiff / square
+        k, less = stiff * (a * a + b * b + c * c + d * d), stiff / square
         xx += k - stiff * a * a - less * x * x
         xy -= stiff * a * b + less * x * y
         xz -= stiff * a * c + less * x * w
@@ -76,10 +91,10 @@ def _torque_terms(e, z, p, limit, hover, smooth):
     gx, gy, gz = -hover[0], -hover[1], -hover[2]
     xx = xy = xz = yy = yz = zz = 0.0
     for j in range(limit.size):
-        a, b, c = p[j, 0], p[j, 1], p[j, 2]
-        x = z[0] + e[1] * c - e[2] * b
-        y = z[1] + e[2] * a - e[0] * c
-        w = z[2] + e[0] * b - e[1] * a
+        a, b, c, d = p[j, 0], p[j, 1], p[j, 2], p[j, 3]
+        x = z[0] + e[1] * c - e[2] * b + e[0] * d
+        y = z[1] + e[2] * a - e[0] * c + e[1] * d
+        w = z[2] + e[0] * b - e[1] * a + e[2] * d
         square = x * x + y * y + w * w + smooth * smooth
         size = np.sqrt(square)
         stiff = limit[j] / size
@@ -130,24 +145,26 @@ def _kink(e, z, p, limit, hover):
         r = _reach(e, z, True, p, j)
         if inner(r, r) < least:
             nearest, least = j, inner(r, r)
-    v = times(cross(e, read(p, nearest, 0)), -1.0)
+    v = times(_turned(e, p, nearest), -1.0)
     rest, point = (hover[0], hover[1], hover[2]), (-hover[3], -hover[4], -hover[5])
     room, upper = 0.0, -_offset(e, v, True, hover)
-    on = (0.0, 0.0, 0.0)  # Σ L_j p_j of those on the axis
+    on, spun = (0.0, 0.0, 0.0), 0.0  # Σ L_j p_j and Σ L_j c_j of those on the axis
     for j in range(limit.size):
         r = _reach(e, v, True, p, j)
         size = np.sqrt(inner(r, r))
         if j == nearest or size < 1e-13:
             room += limit[j]
             on = plus(on, times(read(p, j, 0), limit[j]))
+            spun += limit[j] * p[j, 3]
             continue
         upper += limit[j] * size
         f = times(r, limit[j] / size)
         rest = plus(rest, times(f, -1.0))
-        point = plus(point, cross(read(p, j, 0), f))
+        point = plus(point, _torque(f, p, j))
     if inner(rest, rest) > room * room:
         return False, v, upper, point
-    return True, v, upper, plus(point, cross(times(on, 1.0 / room), rest))
+    taken = plus(cross(times(on, 1.0 / room), rest), times(rest, spun / room))
+    return True, v, upper, plus(point, taken)
 
 
 @bare
@@ -207,19 +224,19 @@ def _reached(e, z, torque, p, limit, hover, smooth):
         square = inner(r, r)
         upper += limit[j] * np.sqrt(square)
         f = times(r, limit[j] / np.sqrt(square + smooth * smooth))
-        point = plus(point, cross(read(p, j, 0), f) if torque else f)
+        point = plus(point, _torque(f, p, j) if torque else f)
     return upper, point
 
 
 @bare(fastmath=LOOSE)
 def torque_start(e, p, limit, hover):
-    """Returns a start for the torque slice: the minimum, were all p_j × e as far from their mean.
+    """Returns a start for the torque slice: the minimum, were all r_j - v as far from their mean.
 
     Then ``Σ L_j v/√(v² + s²) = f0`` holds at ``v = s ρ/√(1 - ρ²)``, ρ = ‖f0‖/Σ L_j, along f0.
     """
     total, square, middle = 0.0, 0.0, (0.0, 0.0, 0.0)
     for j in range(limit.size):
-        at = cross(read(p, j, 0), e)
+        at = times(_turned(e, p, j), -1.0)
         total += limit[j]
         square += limit[j] * inner(at, at)
         middle = plus(middle, times(at, limit[j]))

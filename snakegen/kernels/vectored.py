@@ -1,7 +1,8 @@
 """Margins of vectored apparatuses for a batch of postures: rank first, then the certified search.
 
 Everything here is scaled: forces by F0, lengths by T0/F0; the set is
-``{(Σ f_j, Σ p_j × f_j), ‖f_j‖ ≤ L_j}``. Definitions: THEORY A4.
+``{(Σ f_j, Σ p_j × f_j + c_j f_j), ‖f_j‖ ≤ L_j}`` and a row of p is (p_j, c_j): where the force acts
+and the drag torque along it per newton. Definitions: THEORY A4.
 """
 
 import numpy as np
@@ -18,13 +19,14 @@ SAFE = 1e-11  # squared: a bound of σ_6/σ_1 above 3e-6 spares the exact test
 
 @jit
 def columns(p, limit):
-    """Returns the scaled map times limits, (6, 3n): ``[E; p×] L_j`` per apparatus."""
+    """Returns the scaled map times limits, (6, 3n): ``[E; p× + c E] L_j`` per apparatus."""
     n = limit.size
     a = np.zeros((6, 3 * n))
     for j in range(n):
-        x, y, z = p[j]
+        x, y, z = p[j, 0], p[j, 1], p[j, 2]
         for c in range(3):
             a[c, 3 * j + c] = limit[j]
+            a[3 + c, 3 * j + c] = p[j, 3] * limit[j]
         a[3, 3 * j + 1], a[3, 3 * j + 2] = -z * limit[j], y * limit[j]
         a[4, 3 * j], a[4, 3 * j + 2] = z * limit[j], -x * limit[j]
         a[5, 3 * j], a[5, 3 * j + 1] = -y * limit[j], x * limit[j]
@@ -36,11 +38,12 @@ def _full_rank(p, limit, gram, table, order):
     """True where a bound of σ_6/σ_1 shows rank 6; False leaves the question to the exact test."""
     gram[:] = 0.0
     for j in range(limit.size):
-        x, y, z = p[j]
+        x, y, z = p[j, 0], p[j, 1], p[j, 2]
         s = limit[j] ** 2
-        size = x * x + y * y + z * z
+        size = x * x + y * y + z * z + p[j, 3] ** 2
         for c in range(3):
             gram[c, c] += s
+            gram[c, 3 + c] += s * p[j, 3]
             gram[3 + c, 3 + c] += s * size
             for k in range(3):
                 gram[3 + c, 3 + k] -= s * p[j, c] * p[j, k]
@@ -133,7 +136,7 @@ def _lost(p, limit, hover, tilts, directions):
 def batch(points, limit, hover, tolerance, bounds, directions, ranks, counts):
     """Fills for each of m postures what can be certified, all scaled.
 
-    `points` (m, n, 3), `limit` (n,), `hover` (m, 6). `bounds` (m, 3, 2): lower and upper bound of
+    `points` (m, n, 4), `limit` (n,), `hover` (m, 6). `bounds` (m, 3, 2): lower and upper bound of
     wrench, force, torque; `directions` (m, 3, 6) the twists of the upper bounds, or the lost
     directions; `ranks` (m,); `counts` (m, 2) support calls. Where the force slice shows hover to
     be infeasible, or the set is flat and hover off it, ``bounds[i, 0]`` is (-inf, -1) and the

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from snakegen.geometry import Floats, move_wrench
 from snakegen.kernels.chain import centre_of_gravity, forward
+from snakegen.kernels.wrench_map import mean_drag
 from snakegen.kinetostatics.law import joint_torques, twist_matrix
 from snakegen.robot import Robot
 
@@ -24,7 +25,8 @@ class JointLoads:
         limit: (k,) N m, servo limits.
         bias: (k,) N m, torque that holds the body against gravity alone.
         rotors: (k, n) m, torque per newton of each rotor, gimbals as in q.
-        forces: (k, Ñ, 3) m, torque per newton of each apparatus' force, root-link axes.
+        forces: (k, Ñ, 3) m, torque per newton of each apparatus' force and of the drag along it,
+            root-link axes.
         disturbance: (k, 6) torque per unit of a wrench about the CoG, root-link axes, that acts
             on the chosen link.
     """
@@ -58,6 +60,7 @@ def joint_loads(robot: Robot, q: ArrayLike, link: str | None = None) -> JointLoa
     cog = centre_of_gravity(robot.tree, rotation, position)[1]
     twists = twist_matrix(robot, q)[:, [b - 1 for b in bodies]]
     rotors, gimbals = robot.rotors, robot.gimbals
+    drag = mean_drag(rotors, gimbals.limit.size)
     turn = np.kron(np.eye(2), base)  # root-link axes to world
 
     def of_wrench(body: int, point: Floats) -> Floats:
@@ -69,8 +72,8 @@ def joint_loads(robot: Robot, q: ArrayLike, link: str | None = None) -> JointLoa
         return -_carriers(robot, bodies, body)[:, None] * (twists.T @ about)
 
     forces = [
-        of_wrench(int(b), position[b] + rotation[b] @ p)[:, :3]
-        for b, p in zip(gimbals.thrust_body, gimbals.thrust_point, strict=True)
+        of_wrench(int(b), position[b] + rotation[b] @ p) @ np.vstack([np.eye(3), c * np.eye(3)])
+        for b, p, c in zip(gimbals.thrust_body, gimbals.thrust_point, drag, strict=True)
     ]
     columns = []
     for r, b in enumerate(rotors.body):

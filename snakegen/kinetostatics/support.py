@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
-from snakegen.geometry import Floats, move_wrench, skew
+from snakegen.geometry import Floats, move_wrench
 from snakegen.kernels.bounded import box_allocation
 from snakegen.kernels.chain import centre_of_gravity, forward
+from snakegen.kernels.wrench_map import force_map, mean_drag
 from snakegen.kinetostatics.law import DOWN, Wrenches, finite, joint_torques, rotor_wrenches
 from snakegen.robot import Robot
 
@@ -45,8 +46,9 @@ def support(
     """Returns what carries the weight and the external wrenches of a robot at rest.
 
     In hover each apparatus force is free in direction: the least-norm set ``F = Q_force^# w``
-    (ZN23 eq 36) that balances everything, pushing at the thrust points; drag torques cancel in
-    virtual-single-rotor mode. Take q from a hover posture, or the gimbals bear the difference.
+    (ZN23 eq 36) that balances everything, pushing at the thrust points, each with the mean drag of
+    its rotors along it: none for a counter-rotating pair. Take q from a hover posture, or the
+    gimbals bear the difference.
     Where that cannot be, or nothing turns the rotors, each rotor answers on its own: the least
     thrusts within their limits, gimbals as in q (dual-rotor mode).
 
@@ -95,14 +97,16 @@ def _vectored(robot: Robot, q: Floats, load: Floats) -> Support | None:
     # About the CoG and over the link length: the least-norm set and the residual need one scale.
     _, cog = centre_of_gravity(robot.tree, rotation, position)
     scale, target = _target(robot, load, cog)
-    Q = scale[:, None] * np.hstack([np.vstack([np.eye(3), skew(p - cog)]) for p in places])
+    drag = mean_drag(robot.rotors, count)
+    world = np.tile(np.eye(3), (count, 1, 1))
+    Q = scale[:, None] * force_map(np.array(places) - cog, world, drag)
     forces: Floats = np.linalg.lstsq(Q, target, rcond=1e-9)[0]
     if float(np.linalg.norm(Q @ forces - target)) > _tolerance(target):
         return None
     out = np.zeros((bodies, 6))
     f = finite(forces, (3 * count,), "hover forces").reshape(count, 3)
-    for b, x, force in zip(carriers, levers, f, strict=True):
-        out[b] += move_wrench(np.concatenate([force, np.zeros(3)]), x)
+    for b, x, force, c in zip(carriers, levers, f, drag, strict=True):
+        out[b] += move_wrench(np.concatenate([force, c * force]), x)
     return Support("hover", out, f)
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from snakegen.geometry import skew
 from snakegen.margins import inputs
 
 Floats = NDArray[np.float64]
@@ -149,6 +148,7 @@ def vectored_controller(
     force_scale: float,
     torque_scale: float,
     weights: ArrayLike | None = None,
+    drag: ArrayLike = 0.0,
 ) -> ControllerMargins:
     """Returns the margins of ``F = D (Q_force D)^# w`` under ‖f_j‖ ≤ L_j (ZN23 eq 36).
 
@@ -158,6 +158,7 @@ def vectored_controller(
         hover_wrench: (6,), N and N·m.
         force_scale, torque_scale: F0, N, and T0, N·m.
         weights: D, one number an apparatus, (n,); by default 1, the paper's plain pseudo-inverse.
+        drag: c, m, one number or (n,), as `vectored_margins`.
 
     Raises:
         AnalysisError: as `vectored_margins`.
@@ -167,7 +168,7 @@ def vectored_controller(
     hover, scale = inputs.hover(hover_wrench, None), inputs.scale(force_scale, torque_scale)
     shares = inputs.per_unit("weights", 1.0 if weights is None else weights, len(p))
     d = np.repeat(shares * (limit > 0.0), 3)
-    scaled = np.hstack([np.vstack([np.eye(3), skew(point)]) for point in p]) / scale[:, None]
+    scaled = inputs.force_map(p, inputs.drags(drag, len(p))) / scale[:, None]
     inverse = d[:, None] * np.linalg.pinv(scaled * d, rcond=1e-6)
     forces = (inverse @ (hover / scale)).reshape(-1, 3)
     blocks = inverse.reshape(-1, 3, 6)

@@ -65,6 +65,7 @@ def vectored_failures(
     force_scale: float,
     torque_scale: float,
     tolerance: float = 1e-3,
+    drag: ArrayLike = 0.0,
 ) -> list[Failure]:
     """Returns the margins with each vectored apparatus removed.
 
@@ -82,6 +83,7 @@ def vectored_failures(
             force_scale=force_scale,
             torque_scale=torque_scale,
             tolerance=tolerance,
+            drag=drag,
         )
         table.append(Failure("apparatus", j, left))
     return table

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from snakegen.errors import AnalysisError
+from snakegen.geometry import skew
 
 Floats = NDArray[np.float64]
 
@@ -45,6 +46,23 @@ def per_unit(name: str, value: ArrayLike, count: int) -> Floats:
         at = int(np.argmax(out < 0.0))
         raise AnalysisError(f"{name}[{at}] is {out[at]:g}; a thrust limit cannot be negative.")
     return out
+
+
+def drags(value: ArrayLike, count: int) -> Floats:
+    """Returns the signed drags, m, one number or (count,), as (count,).
+
+    Raises:
+        AnalysisError: another shape, or not finite.
+    """
+    drag = array("drag", value, (), (count,))
+    return np.ascontiguousarray(np.broadcast_to(drag, (count,)))
+
+
+def force_map(points: Floats, drag: Floats) -> Floats:
+    """Returns (6, 3n), forces at points (n, 3) with drags (n,) to the wrench: ``[E; p× + c E]``."""
+    unit = np.eye(3)
+    blocks = [np.vstack([unit, skew(p) + c * unit]) for p, c in zip(points, drag, strict=True)]
+    return np.hstack(blocks)
 
 
 def limits(lower: ArrayLike, upper: ArrayLike, count: int) -> tuple[Floats, Floats]:

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 
 from snakegen.errors import AnalysisError
-from snakegen.geometry import skew
 from snakegen.kernels.norms import minimise
 from snakegen.margins import inputs
 from snakegen.margins.inner_ball import inner_ball
@@ -199,16 +198,20 @@ def vectored_joint_limited(
     torque_scale: float,
     disturbance: ArrayLike | None = None,
     tolerance: float = 1e-3,
+    drag: ArrayLike = 0.0,
 ) -> JointLimitedMargins:
     """Returns the certified margins of vectored apparatuses with joint torques within limits.
 
-    The support of a slice is ``min Σ L_j ‖v + ω × p_j + M_jᵀμ‖ + Σ limit_i |μ_i| + μ·bias - d·w0``
+    The support of a slice is
+    ``min Σ L_j ‖v + ω × p_j + c_j ω + M_jᵀμ‖ + Σ limit_i |μ_i| + μ·bias - d·w0``
     over the held half of the twist d = (v, ω) and the joint multipliers μ.
 
     Args:
-        joint_torque: M, (k, n, 3): torque of each joint per newton of each apparatus' force.
+        joint_torque: M, (k, n, 3): torque of each joint per newton of each apparatus' force, the
+            drag along it included.
         joint_bias, joint_limit, disturbance: as `thrust_joint_limited`.
-        points, limits, hover_wrench, force_scale, torque_scale, tolerance: as `vectored_margins`.
+        points, limits, hover_wrench, force_scale, torque_scale, tolerance, drag: as
+            `vectored_margins`.
 
     Raises:
         AnalysisError: as `vectored_margins`; joint arrays of other shapes; a limit that is 0.
@@ -217,7 +220,7 @@ def vectored_joint_limited(
     limit = inputs.per_unit("limits", limits, len(p))
     hover, scale = inputs.hover(hover_wrench, None), inputs.scale(force_scale, torque_scale)
     m = inputs.array("joint_torque", joint_torque, (None, len(p), 3))
-    q = np.hstack([np.vstack([np.eye(3), skew(point)]) for point in p])
+    q = inputs.force_map(p, inputs.drags(drag, len(p)))
     problem = _problem(q, hover, scale, m.reshape(len(m), -1), joint_bias, joint_limit, disturbance)
     joints, strength = len(m), np.r_[limit, problem.limit * scale[0]] / scale[0]
     strength[: len(p)] = np.maximum(strength[: len(p)], 1e-12)
@@ -245,6 +248,7 @@ def vectored_joint_limited(
         force_scale=force_scale,
         torque_scale=torque_scale,
         tolerance=tolerance,
+        drag=drag,
         wrench_starts=0,
     )
     known = float(free.force), float(free.torque)

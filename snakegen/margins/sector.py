@@ -26,6 +26,7 @@ def hull_bounds(
     minimum: Floats,
     gimbal: Floats,
     rotations: Floats,
+    drag: Floats | float = 0.0,
 ) -> tuple[Floats, Floats]:
     """Returns upper bounds (3,) of wrench, force and torque, all scaled, and their twists (3, 6).
 
@@ -33,7 +34,14 @@ def hull_bounds(
     minus the distance to a plane that separates them, and force and torque are nan.
     """
     out, twists = np.full(3, np.nan), np.full((3, 6), np.nan)
-    body = (p, minimum, limit, gimbal, rotations, hover)
+    body = (
+        np.column_stack([p, np.broadcast_to(drag, len(p))]),
+        minimum,
+        limit,
+        gimbal,
+        rotations,
+        hover,
+    )
     wrenches, owner = np.empty((3 + len(p), 6)), np.empty(3 + len(p), np.int64)
     for k, torque in enumerate((False, True)):
         sector_support.start(torque, *body, wrenches, owner)

@@ -87,10 +87,13 @@ def guaranteed_vectored(
     force_scale: float,
     torque_scale: float,
     tolerance: float = 1e-3,
+    drag: ArrayLike = 0.0,
     mass: float = 0.0,
     thrust: float = 0.0,
 ) -> GuaranteedMargins:
     """Returns the lower bounds that hold for a mass ± `mass` and limits ± `thrust` (fractions).
+
+    The drag per newton is taken as known. Other arguments: as `vectored_margins`.
 
     Raises:
         AnalysisError: as `vectored_margins`; fractions outside [0, 1).
@@ -106,6 +109,7 @@ def guaranteed_vectored(
             force_scale=force_scale,
             torque_scale=torque_scale,
             tolerance=tolerance,
+            drag=drag,
         )
         for factor in (1.0 - x, 1.0 + x)
     )

@@ -30,7 +30,7 @@ class VectoredMargins:
         tolerance: asked relative gap ``(upper - lower)/upper``.
         hull: True where gimbal limits or a minimum thrust make the set non-convex: every margin
             is then that of its convex hull, an **upper bound** of the true one.
-        points, limits, hover_wrench, scale: what was asked, as arrays.
+        points, limits, drag, hover_wrench, scale: what was asked, as arrays.
     """
 
     bounds: Floats
@@ -41,6 +41,7 @@ class VectoredMargins:
     hull: bool
     points: Floats
     limits: Floats
+    drag: Floats
     hover_wrench: Floats
     scale: Floats
 
@@ -94,11 +95,9 @@ class VectoredMargins:
     @cached_property
     def singular_values(self) -> Floats:
         """Singular values of S Q_force diag(L), largest first."""
-        length = self.scale[3] / self.scale[0]
-        stack = self.points.reshape(-1, *self.points.shape[-2:]) / length
         values = [
             np.linalg.svd(vectored.columns(p, self.limits / self.scale[0]), compute_uv=False)
-            for p in stack
+            for p in _stack(self.points, self.drag, self.scale)
         ]
         return np.array(values).reshape(*self.points.shape[:-2], -1)
 
@@ -121,6 +120,7 @@ class VectoredMargins:
             self.hull,
             self.points[at],
             self.limits,
+            self.drag,
             self.hover_wrench[at],
             self.scale,
         )
@@ -142,9 +142,9 @@ class VectoredMargins:
             raise AnalysisError("u is zero: a direction needs a length.")
         if self.hull:
             raise AnalysisError("directional() is for sets without gimbal limits or minimum.")
-        force, length = self.scale[0], self.scale[3] / self.scale[0]
+        force = self.scale[0]
         hover = (self.hover_wrench / self.scale).reshape(-1, 6)
-        stack = self.points.reshape(-1, *self.points.shape[-2:]) / length
+        stack = _stack(self.points, self.drag, self.scale)
         feasible = np.reshape(self.feasible, -1)
         out = np.full(len(stack), np.nan)
         for i in np.flatnonzero(feasible):
@@ -177,8 +177,9 @@ class VectoredMargins:
     def saturated(self, margin: str) -> tuple[list[int], list[int]]:
         """Returns the apparatuses at their limit and those with room where `margin` is reached.
 
-        One posture only (index a batch first). An apparatus has room where it lies on the axis
-        of the worst twist: its force then only balances the others. Both are empty where a
+        One posture only (index a batch first). An apparatus has room where the worst twist does
+        no work on its force (without drag: it lies on the axis), which then only balances the
+        others. Both are empty where a
         direction is lost: then no limit is what stops the robot.
         """
         if self.points.ndim == 3:
@@ -187,10 +188,19 @@ class VectoredMargins:
         twist = self.twists[at]
         if self.bounds[at, 1] == 0.0 or not np.isfinite(twist).all():
             return [], []
-        speed = twist[:3] + np.cross(twist[3:], self.points * (self.scale[0] / self.scale[3]))
+        placed = _stack(self.points, self.drag, self.scale)[0]
+        speed = twist[:3] + np.cross(twist[3:], placed[:, :3]) + placed[:, 3:] * twist[3:]
         speeds = np.linalg.norm(speed, axis=1)
         full = (speeds > 1e-6 * speeds.max(initial=0.0)) & (self.limits > 0.0)
         return np.flatnonzero(full).tolist(), np.flatnonzero(~full & (self.limits > 0)).tolist()
+
+
+def _stack(points: Floats, drag: Floats, scale: Floats) -> Floats:
+    """Returns (m, n, 4): points of application and drags, scaled, as the kernels take them."""
+    out = np.empty((points.size // (3 * drag.size) if drag.size else 1, drag.size, 4))
+    out[..., :3], out[..., 3] = points.reshape(-1, drag.size, 3), drag
+    out *= scale[0] / scale[3]
+    return out
 
 
 def _index(margin: str) -> int:
@@ -207,16 +217,17 @@ def vectored_margins(
     force_scale: float,
     torque_scale: float,
     tolerance: float = 1e-3,
+    drag: ArrayLike = 0.0,
     minimum: ArrayLike = 0.0,
     gimbal_limits: ArrayLike | None = None,
     rotations: ArrayLike | None = None,
     wrench_starts: int | None = None,
 ) -> VectoredMargins:
-    """Returns certified margins of ``W = {Σ (f_j, p_j × f_j), ‖f_j‖ ≤ L_j}`` round hover.
+    """Returns certified margins of ``W = {Σ (f_j, p_j × f_j + c_j f_j), ‖f_j‖ ≤ L_j}`` round hover.
 
-    Its support is ``h(v, ω) = Σ L_j ‖v + ω × p_j‖``; force and torque margins are inner radii of
-    slices, bracketed by a polytope of attained points and by support planes. `wrench` is the best
-    of a search from many starts, with ``a b/√(a² + b²)`` of the slices below it.
+    Its support is ``h(v, ω) = Σ L_j ‖v + ω × p_j + c_j ω‖``; force and torque margins are inner
+    radii of slices, bracketed by a polytope of attained points and by support planes. `wrench` is
+    the best of a search from many starts, with ``a b/√(a² + b²)`` of the slices below it.
 
     Args:
         points: p, (n, 3), or (m, n, 3) for a batch: points of application from the CoG, m, at
@@ -225,6 +236,8 @@ def vectored_margins(
         hover_wrench: w0 = ``[m g Rᵀẑ; 0]``, (6,) or (m, 6), N and N·m.
         force_scale, torque_scale: F0 = m g, N, and T0 = m g · link length, N·m.
         tolerance: relative gap (upper - lower)/upper at which a search counts as closed.
+        drag: c, m, one number or (n,): torque on the body along each force per newton, -κ s for a
+            single rotor, the mean of its rotors' for an apparatus; 0 for a counter-rotating pair.
         minimum: smallest force of each apparatus, N, one number or (n,).
         gimbal_limits: largest |φ| and |θ|, rad, (2,) or (n, 2). With these or a minimum above 0
             the set is non-convex: `hull` is set and every margin is its hull's, an upper bound.
@@ -235,16 +248,17 @@ def vectored_margins(
     Raises:
         AnalysisError: NaN, infinite entries, wrong shapes, negative limits.
 
-    Source: THEORY A4; ZN23 eqs 34–36.
+    Source: THEORY A2 (drag), A4; ZN23 eqs 34–36.
     """
     p = inputs.array("points", points, (None, 3), (None, None, 3))
     limit = inputs.per_unit("limits", limits, p.shape[-2])
+    spin = inputs.drags(drag, p.shape[-2])
     hover = inputs.hover(hover_wrench, len(p) if p.ndim == 3 else None)
     scale = inputs.scale(force_scale, torque_scale)
     inputs.positive("tolerance", tolerance)
     starts = wrench_starts if wrench_starts is not None else (STARTS if p.ndim == 2 else 0)
     live = limit > 0.0
-    stack = np.ascontiguousarray(p.reshape(-1, *p.shape[-2:])[:, live] * (scale[0] / scale[3]))
+    stack = np.ascontiguousarray(_stack(p, spin, scale)[:, live])
     wrenches, m = np.ascontiguousarray((hover / scale).reshape(-1, 6)), len(stack)
     bounds, twists = np.empty((m, 3, 2)), np.empty((m, 3, 6))
     rank, calls = np.empty(m, np.int64), np.empty((m, 2), np.int64)
@@ -261,13 +275,14 @@ def vectored_margins(
             raise AnalysisError("gimbal_limits are for one posture at a time: rotations differ.")
         restrict(
             sector.hull_bounds(
-                stack[0],
+                stack[0, :, :3],
                 strength,
                 wrenches[0],
                 tolerance,
                 low[live] / scale[0],
                 gimbal[live],
                 turn[live],
+                stack[0, :, 3],
             ),
             bounds[0],
             twists[0],
@@ -276,4 +291,6 @@ def vectored_margins(
     bounds[:, 2] *= scale[3]
     if p.ndim == 2:
         bounds, rank, twists, calls = bounds[0], rank[0], twists[0], calls[0]
-    return VectoredMargins(bounds, rank, twists, calls, tolerance, hull, p, limit, hover, scale)
+    return VectoredMargins(
+        bounds, rank, twists, calls, tolerance, hull, p, limit, spin, hover, scale
+    )

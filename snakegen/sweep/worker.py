@@ -11,6 +11,7 @@ import numpy as np
 from snakegen.geometry import Floats
 from snakegen.kernels.postures import hover_postures, self_distances
 from snakegen.kernels.tree import Gimbals, Ints, Rotors, Tree
+from snakegen.kernels.wrench_map import mean_drag
 from snakegen.margins.thrust import thrust_margins
 from snakegen.margins.vectored import vectored_margins
 
@@ -92,7 +93,7 @@ def _chunk(task: Task, samples: Floats, out: Floats) -> None:
         force_scale=task.force_scale, torque_scale=task.torque_scale,
     )  # fmt: skip
     free = vectored_margins(
-        points, limit, hover, tolerance=task.tolerance,
+        points, limit, hover, tolerance=task.tolerance, drag=mean_drag(rotors, limit.size),
         force_scale=task.force_scale, torque_scale=task.torque_scale,
     )  # fmt: skip
     out[:, 0] = free.wrench

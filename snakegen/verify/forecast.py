@@ -25,6 +25,7 @@ from snakegen.kernels.fully_actuated import aim_forces
 from snakegen.kernels.vectoring import joint_order
 from snakegen.kinetostatics.joint_loads import joint_loads
 from snakegen.kinetostatics.law import joint_torques
+from snakegen.margins.inputs import force_map
 from snakegen.margins.rays import Bounds, Reach, inverse_ray, thrust_ray, vectored_ray
 from snakegen.posture import set_angle
 from snakegen.robot import Robot
@@ -116,8 +117,7 @@ def _map(robot: Robot, controller: Controller, a: Allocation) -> Floats:
     """Returns (6, 3Ñ) of forces in root-link axes, or (6, n) of rotor thrusts."""
     if controller.mode != VIRTUAL:
         return a.dual
-    blocks = [np.vstack([np.eye(3), np.cross(p, np.eye(3)).T]) for p in a.thrust_points]
-    return np.hstack(blocks)
+    return force_map(a.thrust_points, a.drag)
 
 
 def _bounds(robot: Robot, controller: Controller, q: Floats, link: str) -> Bounds:
@@ -175,7 +175,8 @@ def _weakest(robot: Robot, controller: Controller, q: Floats, kind: str, link: s
     virtual = controller.mode == VIRTUAL
     if controller.law.constrained:
         if virtual:
-            v = vectored_margins(a.thrust_points, robot.gimbals.limit, a.hover_wrench, **scale)
+            limit = robot.gimbals.limit
+            v = vectored_margins(a.thrust_points, limit, a.hover_wrench, drag=a.drag, **scale)
             answer = v.worst(kind)
         else:
             rotors = robot.rotors

@@ -17,6 +17,7 @@ from snakegen.kernels.history import maps_history
 from snakegen.kernels.spd import least_singular_value
 from snakegen.kernels.underactuated import level_axes, rotor_map, truncated
 from snakegen.kernels.vectoring import joint_order
+from snakegen.kernels.wrench_map import mean_drag
 from snakegen.robot import Robot
 from snakegen.verify.plan import Plan
 
@@ -63,7 +64,8 @@ def _margins(
     scales: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
     if mode == VIRTUAL:
         limit = controller.gimbals.limit
-        m: Any = vectored_margins(points, limit, hover, tolerance=1e-2, **scales)
+        drag = mean_drag(robot.rotors, limit.size)
+        m: Any = vectored_margins(points, limit, hover, tolerance=1e-2, drag=drag, **scales)
         return {
             "wrench_margin": m.wrench,
             "force_margin": m.force_bounds[:, 0],

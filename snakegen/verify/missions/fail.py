@@ -94,4 +94,5 @@ def margin_without(robot: Robot, q: Any, rotors: tuple[int, ...]) -> float:
         return float(found.attitude_altitude)
     limit = np.array(robot.gimbals.limit)
     limit[robot.rotors.apparatus[list(rotors)]] = 0.0
-    return float(vectored_margins(a.thrust_points, limit, a.hover_wrench, **scale).wrench)
+    free = vectored_margins(a.thrust_points, limit, a.hover_wrench, drag=a.drag, **scale)
+    return float(free.wrench)

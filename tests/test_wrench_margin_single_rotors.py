@@ -1,0 +1,84 @@
+"""A robot of single rotors: its margins, loads, hover and sweep count the drag of each."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from dragging_bodies import SLICES, searched
+
+from snakegen.analysis import wrench_margin
+from snakegen.analysis.allocation import allocation
+from snakegen.analysis.wrench_margin import vectored_margins
+from snakegen.kinetostatics.joint_loads import joint_loads
+from snakegen.kinetostatics.support import hold_up
+from snakegen.margins.inputs import force_map
+from snakegen.posture import hover_gimbals
+from snakegen.robot import load
+from snakegen.spec_file import load_spec
+from snakegen.sweep.batch import NUMBERS, Body
+from snakegen.sweep.worker import work
+
+
+@pytest.fixture(scope="module")
+def single():
+    """dragon4 with one rotor an apparatus, all of one spin, κ = 0.05 m."""
+    changes = {"rotors": 1, "thrust_max": 26, "spin": "same", "drag_ratio": 0.05}
+    pairs = [f"vectoring_apparatus.{k}={v}" for k, v in changes.items()]
+    robot = load(load_spec("dragon4", overrides=pairs))
+    joints = {f"joint{i}_yaw": 1.0 for i in (1, 2, 3)}
+    return robot, hover_gimbals(robot, robot.configuration(joints))
+
+
+def test_single_rotors_of_a_robot_drag(single):
+    robot, q = single
+    a, loads = allocation(robot, q), joint_loads(robot, q)
+    assert np.abs(a.drag) == pytest.approx(0.05)
+    whole = force_map(a.thrust_points, a.drag)
+    for j in range(4):
+        # a single rotor's thrust is its apparatus' force
+        mine = slice(3 * j, 3 * j + 3)
+        np.testing.assert_allclose(whole[:, mine] @ a.rotor_axes[j], a.dual[:, j], atol=1e-12)
+        pushed = loads.forces[:, j] @ a.rotor_axes[j]
+        np.testing.assert_allclose(pushed, loads.rotors[:, j], atol=1e-12)
+        np.testing.assert_allclose(whole[:, mine] @ a.link_axes[j], a.force[:, mine], atol=1e-12)
+    found = wrench_margin.analyze(robot, q)
+    b = SimpleNamespace(
+        points=a.thrust_points, limits=robot.gimbals.limit, drag=a.drag, hover=a.hover_wrench
+    )
+    rng = np.random.default_rng(0)
+    for name, part in SLICES.items():
+        low, high = found.vectored[name].bounds
+        assert low * (1 - 1e-9) <= searched(b, part, rng, 8) <= high * (1 + 1e-3)
+    assert found.vectored["force"].value == pytest.approx(20.84, abs=0.02)
+    assert found.vectored_closed
+
+
+def test_hover_of_single_rotors_balances_their_drag(single):
+    robot, q = single
+    held, a = hold_up(robot, q), allocation(robot, q)
+    base = robot.base_pose(q)[0]
+    forces = held.forces @ base
+    torque = np.cross(a.thrust_points, forces) + a.drag[:, None] * forces
+    np.testing.assert_allclose(forces.sum(axis=0), a.hover_wrench[:3], atol=1e-8)
+    np.testing.assert_allclose(torque.sum(axis=0), 0.0, atol=1e-8)
+    total = held.wrenches.sum(axis=0)
+    np.testing.assert_allclose(total[:3], held.forces.sum(axis=0), atol=1e-9)
+    assert np.linalg.norm((a.drag[:, None] * forces).sum(axis=0)) > 1.0
+
+
+def test_a_sweep_counts_the_drag(single):
+    robot, _ = single
+    body = Body.of(robot, ("joint1_yaw", "joint2_yaw"), np.eye(3), 1e-3)
+    row = dict(zip(NUMBERS, work(body.task, np.array([[1.0, 0.8]]))[0], strict=True))
+    q = hover_gimbals(robot, robot.configuration({"joint1_yaw": 1.0, "joint2_yaw": 0.8}))
+    a = allocation(robot, q)
+    m = vectored_margins(
+        a.thrust_points,
+        robot.gimbals.limit,
+        a.hover_wrench,
+        force_scale=robot.force_scale,
+        torque_scale=robot.torque_scale,
+        drag=a.drag,
+    )
+    assert row["force_margin"] == pytest.approx(m.force_bounds[0], rel=1e-6)
+    assert row["torque_margin"] == pytest.approx(m.torque_bounds[0], rel=1e-6)
