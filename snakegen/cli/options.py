@@ -184,7 +184,8 @@ def at_least(least: int) -> Callable[[click.Context, click.Parameter, int | None
 
     def check(_: click.Context, option: click.Parameter, value: int | None) -> int | None:
         if value is not None and value < least:
-            raise SnakegenError(f"{option.opts[0]} {value}: {least} or more is needed.")
+            name = option.opts[0]
+            raise SnakegenError(f"{name}: {value} is not in the range; {least} or more is needed.")
         return value
 
     return check

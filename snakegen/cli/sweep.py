@@ -24,10 +24,7 @@ from snakegen.errors import SnakegenError
 
 
 @click.command()
-@click.option(
-    "--samples", type=int, default=10_000, show_default=True, callback=at_least(1),
-    help="How many postures.",
-)  # fmt: skip
+@click.option("--samples", type=int, default=10_000, show_default=True, help="How many postures.")
 @click.option(
     "--seed", type=int, default=0, show_default=True, callback=at_least(0), help="Of the samples."
 )
