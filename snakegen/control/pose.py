@@ -10,7 +10,9 @@ from snakegen.kernels import pose_law
 
 def attitude_error(rotation: Any, wanted: Any) -> Floats:
     """Returns ``e_R = ½ (RᵀR_des - R_desᵀR)^∨`` (3,) in the axes of `rotation` (ZN23 eq 18)."""
-    return np.asarray(pose_law.attitude_error(_matrix(rotation), _matrix(wanted)))
+    error = np.empty(3)
+    pose_law.attitude_error_into(_matrix(rotation), _matrix(wanted), error)
+    return error
 
 
 def desired_force(
@@ -37,19 +39,20 @@ def desired_force(
     """
     still = np.zeros(3)
     table = np.stack([gains.force_p, gains.force_i, gains.force_d])
-    return np.asarray(
-        pose_law.desired_force(
-            float(mass),
-            still,
-            still,
-            _vector(integral),
-            _vector(error),
-            _vector(rate),
-            _vector(acceleration),
-            table,
-            float(gravity),
-        )
+    force = np.empty(3)
+    pose_law.desired_force_into(
+        float(mass),
+        still,
+        still,
+        _vector(integral),
+        _vector(error),
+        _vector(rate),
+        _vector(acceleration),
+        table,
+        float(gravity),
+        force,
     )
+    return force
 
 
 def desired_torque(
@@ -74,18 +77,19 @@ def desired_torque(
         gyroscopic: False drops the last term, as the print does.
     """
     table = np.stack([gains.torque_p, gains.torque_i, gains.torque_d])
-    return np.asarray(
-        pose_law.desired_torque(
-            _matrix(inertia),
-            _matrix(rotation),
-            _vector(angular),
-            _vector(integral),
-            _matrix(wanted),
-            _vector(wanted_angular),
-            table,
-            int(gyroscopic),
-        )
+    torque = np.empty(3)
+    pose_law.desired_torque_into(
+        _matrix(inertia),
+        _matrix(rotation),
+        _vector(angular),
+        _vector(integral),
+        _matrix(wanted),
+        _vector(wanted_angular),
+        table,
+        int(gyroscopic),
+        torque,
     )
+    return torque
 
 
 def _vector(value: Any) -> Floats:

@@ -1,11 +1,10 @@
 """What the air does to rotors and links: ground effect, streams, wind, drag (simple models)."""
 
-from math import exp, sqrt
+from math import exp, pi, sqrt
 
-import numpy as np
-
+from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import scratch
 from snakegen.kernels.flight_types import Plant, Simulator, Wiring
-from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import cross_into, turn_into
 from snakegen.kernels.tree import Floats
 
@@ -13,7 +12,7 @@ JET_SPREAD = 0.1  # growth of a free jet's radius per metre
 _SMALL = 1e-9
 
 
-@jit
+@bare
 def ground_factor(radius: float, height: float, upright: float) -> float:
     """Returns thrust near the ground over thrust far from it: ``1 / (1 − (R c / 4z)²)``.
 
@@ -31,7 +30,7 @@ def ground_factor(radius: float, height: float, upright: float) -> float:
     return 1.0 / (1.0 - ratio * ratio)
 
 
-@jit
+@bare
 def add_stream(
     density: float, thrust: float, radius: float, origin: Floats, axis: Floats, at: Floats,
     out: Floats,
@@ -53,12 +52,12 @@ def add_stream(
     aside = (square - down * down) / (width * width)
     if aside > 9.0:
         return
-    speed = sqrt(2.0 * thrust / (density * np.pi)) / width * exp(-aside)
+    speed = sqrt(2.0 * thrust / (density * pi)) / width * exp(-aside)
     for i in range(3):
         out[i] -= speed * axis[i]
 
 
-@jit
+@bare
 def rotor_in_air(
     density: float, thrust: float, radius: float, axis: Floats, flow: Floats, out: Floats
 ) -> None:
@@ -68,7 +67,7 @@ def rotor_in_air(
     that already moves as fast as its own wake (assumed; kept within −T … T/4). Across it the
     momentum drag ``ṁ flow⊥``, ``ṁ = ρ A v_i = √(ρ A T / 2)``.
     """
-    area = np.pi * radius * radius
+    area = pi * radius * radius
     through = -(flow[0] * axis[0] + flow[1] * axis[1] + flow[2] * axis[2])
     wake = sqrt(2.0 * thrust / (density * area)) + _SMALL
     lost = min(max(through / wake, -0.25), 1.0)
@@ -77,10 +76,10 @@ def rotor_in_air(
         out[i] = -lost * thrust * axis[i] + mass_flow * (flow[i] + through * axis[i])
 
 
-@jit
+@bare
 def velocity_into(sim: Simulator, body: int, at: Floats, out: Floats) -> None:
     """Writes the velocity (3,) [m/s, world] of the point `at` of a body."""
-    arm = np.empty(3)
+    arm = scratch(3)
     for i in range(3):
         arm[i] = at[i] - sim.com[i]
     cross_into(sim.twist[body], arm, out)
@@ -88,10 +87,10 @@ def velocity_into(sim: Simulator, body: int, at: Floats, out: Floats) -> None:
         out[i] += sim.twist[body, 3 + i]
 
 
-@jit
+@bare
 def push(sim: Simulator, body: int, at: Floats, force: Floats, applied: Floats) -> None:
     """Adds a force (3,) at the point `at` to the wrench about the body's centre of mass."""
-    arm, torque = np.empty(3), np.empty(3)
+    arm, torque = scratch(3), scratch(3)
     for i in range(3):
         arm[i] = at[i] - sim.body_com[body, i]
     cross_into(arm, force, torque)
@@ -100,7 +99,7 @@ def push(sim: Simulator, body: int, at: Floats, force: Floats, applied: Floats) 
         applied[body, 3 + i] += torque[i]
 
 
-@jit
+@bare
 def air_forces(
     sim: Simulator, wires: Wiring, plant: Plant, thrust: Floats, wind: Floats, applied: Floats
 ) -> None:
@@ -111,13 +110,13 @@ def air_forces(
     Drag). A link does not feel the rotors less for standing in a stream's shadow.
     """
     count = wires.rotor_site.shape[0]
-    axes, points = np.empty((count, 3)), np.empty((count, 3))
+    axes, points = scratch((count, 3)), scratch((count, 3))
     for r in range(count):
         site = wires.rotor_site[r]
         for i in range(3):
             axes[r, i] = sim.site_axes[site, 3 * i + 2]
             points[r, i] = sim.site_position[site, i]
-    flow, own, force = np.empty(3), np.empty(3), np.empty(3)
+    flow, own, force = scratch(3), scratch(3), scratch(3)
     for r in range(count):
         body, given = wires.rotor_body[r], max(thrust[r], 0.0)
         velocity_into(sim, body, points[r], own)
@@ -135,7 +134,7 @@ def air_forces(
             for i in range(3):
                 force[i] += more * given * axes[r, i]
         push(sim, body, points[r], force, applied)
-    at, rod = np.empty(3), np.empty(3)
+    at, rod = scratch(3), scratch(3)
     for s in range(wires.station_body.shape[0]):
         body = wires.station_body[s]
         frame = sim.body_axes[body].reshape(3, 3)

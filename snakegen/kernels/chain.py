@@ -9,10 +9,11 @@ from math import cos, sin
 import numpy as np
 
 from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import scratch
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import cross_into, matmul_into, turn_back_into, turn_into
 from snakegen.kernels.tree import Floats, Tree
-from snakegen.kernels.triples import Three, read, turn
+from snakegen.kernels.triples import Three, cross, read, turn
 
 
 @bare
@@ -97,6 +98,27 @@ def centre_of_gravity(tree: Tree, rotation: Floats, position: Floats) -> tuple[f
     return total, np.array(centre)
 
 
+@bare
+def inertia_into(tree: Tree, rotation: Floats, position: Floats, cog: Floats, out: Floats) -> None:
+    """Writes the inertia (3, 3) [kg m²] about `cog` (3,), world axes: see `mass_properties`."""
+    arm, half = scratch(3), scratch((3, 3))
+    for a in range(3):
+        for b in range(3):
+            out[a, b] = 0.0
+    for i in range(tree.mass.shape[0]):
+        r, m = rotation[i], tree.mass[i]
+        turn_into(r, tree.com[i], arm)
+        for k in range(3):
+            arm[k] += position[i, k] - cog[k]
+        square = arm[0] * arm[0] + arm[1] * arm[1] + arm[2] * arm[2]
+        matmul_into(r, tree.inertia[i], half)
+        for a in range(3):
+            out[a, a] += m * square
+            for b in range(3):
+                turned = half[a, 0] * r[b, 0] + half[a, 1] * r[b, 1] + half[a, 2] * r[b, 2]
+                out[a, b] += turned - m * arm[a] * arm[b]
+
+
 @jit
 def mass_properties(tree: Tree, rotation: Floats, position: Floats) -> tuple[float, Floats, Floats]:
     """Returns mass, CoG and inertia about the CoG of bodies at the given poses.
@@ -112,21 +134,38 @@ def mass_properties(tree: Tree, rotation: Floats, position: Floats) -> tuple[flo
         mass [kg], cog (3,) [m], inertia (3, 3) [kg m²]; world axes.
     """
     total, cog = centre_of_gravity(tree, rotation, position)
-    inertia = np.zeros((3, 3))
-    arm, half = np.empty(3), np.empty((3, 3))
-    for i in range(tree.mass.shape[0]):
-        r, m = rotation[i], tree.mass[i]
-        turn_into(r, tree.com[i], arm)
-        for k in range(3):
-            arm[k] += position[i, k] - cog[k]
-        square = arm[0] * arm[0] + arm[1] * arm[1] + arm[2] * arm[2]
-        matmul_into(r, tree.inertia[i], half)
-        for a in range(3):
-            inertia[a, a] += m * square
-            for b in range(3):
-                turned = half[a, 0] * r[b, 0] + half[a, 1] * r[b, 1] + half[a, 2] * r[b, 2]
-                inertia[a, b] += turned - m * arm[a] * arm[b]
+    inertia = np.empty((3, 3))
+    inertia_into(tree, rotation, position, cog, inertia)
     return total, cog, inertia
+
+
+@bare
+def body_twists_into(
+    tree: Tree,
+    rotation: Floats,
+    position: Floats,
+    base_linear: Floats,
+    base_angular: Floats,
+    rates: Floats,
+    linear: Floats,
+    angular: Floats,
+) -> None:
+    """Writes the velocities of every body: `body_twists` without its allocation."""
+    for k in range(3):
+        linear[0, k], angular[0, k] = base_linear[k], base_angular[k]
+    for i in range(1, tree.parent.shape[0]):
+        above, axis = tree.parent[i], turn(rotation, i, read(tree.axis, i, 0))
+        arm = (
+            position[i, 0] - position[above, 0],
+            position[i, 1] - position[above, 1],
+            position[i, 2] - position[above, 2],
+        )
+        swept = cross(read(angular, above, 0), arm)
+        slide = rates[i - 1] if tree.prismatic[i] else 0.0
+        spin = 0.0 if tree.prismatic[i] else rates[i - 1]
+        for k in range(3):
+            linear[i, k] = linear[above, k] + swept[k] + axis[k] * slide
+            angular[i, k] = angular[above, k] + axis[k] * spin
 
 
 @jit
@@ -150,33 +189,32 @@ def body_twists(
     """
     n = tree.parent.shape[0]
     linear, angular = np.empty((n, 3)), np.empty((n, 3))
-    arm, axis, swept = np.empty(3), np.empty(3), np.empty(3)
-    linear[0], angular[0] = base_linear, base_angular
-    for i in range(1, n):
-        above = tree.parent[i]
-        for k in range(3):
-            arm[k] = position[i, k] - position[above, k]
-        cross_into(angular[above], arm, swept)
-        turn_into(rotation[i], tree.axis[i], axis)
-        slide = rates[i - 1] if tree.prismatic[i] else 0.0
-        spin = 0.0 if tree.prismatic[i] else rates[i - 1]
-        for k in range(3):
-            linear[i, k] = linear[above, k] + swept[k] + axis[k] * slide
-            angular[i, k] = angular[above, k] + axis[k] * spin
+    body_twists_into(tree, rotation, position, base_linear, base_angular, rates, linear, angular)
     return linear, angular
+
+
+@bare
+def drift_into(
+    tree: Tree, rotation: Floats, linear: Floats, angular: Floats, speed: Floats
+) -> None:
+    """Writes the CoG velocity (3,) [m/s, world] from `body_twists`' result."""
+    total, x, y, z = 0.0, 0.0, 0.0, 0.0
+    for i in range(tree.mass.shape[0]):
+        out = cross(read(angular, i, 0), turn(rotation, i, read(tree.com, i, 0)))
+        mass = tree.mass[i]
+        total += mass
+        x += mass * (linear[i, 0] + out[0])
+        y += mass * (linear[i, 1] + out[1])
+        z += mass * (linear[i, 2] + out[2])
+    speed[0], speed[1], speed[2] = x / total, y / total, z / total
 
 
 @jit
 def centre_velocity(tree: Tree, rotation: Floats, linear: Floats, angular: Floats) -> Floats:
     """Returns the CoG velocity (3,) [m/s, world] from `body_twists`' result."""
-    speed, arm, out, total = np.zeros(3), np.empty(3), np.empty(3), 0.0
-    for i in range(tree.mass.shape[0]):
-        turn_into(rotation[i], tree.com[i], arm)
-        cross_into(angular[i], arm, out)
-        total += tree.mass[i]
-        for k in range(3):
-            speed[k] += tree.mass[i] * (linear[i, k] + out[k])
-    return speed / total
+    speed = np.empty(3)
+    drift_into(tree, rotation, linear, angular, speed)
+    return speed
 
 
 @jit

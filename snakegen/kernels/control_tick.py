@@ -6,71 +6,216 @@ or a blend of both while the mode changes.
 
 import numpy as np
 
-from snakegen.kernels.chain import body_twists, centre_velocity, forward, mass_properties
+from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import scratch
 from snakegen.kernels.control_types import (
     FLOWN,
     REFUSED,
     VIRTUAL,
+    Body,
     Command,
     Law,
     Measured,
     State,
     Target,
+    copied,
+    with_flags,
 )
 from snakegen.kernels.jit import jit
-from snakegen.kernels.joint_loads import force_loads, rotor_loads
-from snakegen.kernels.linear import matmul_into, turn_back_into
+from snakegen.kernels.limited import keep_limits
 from snakegen.kernels.mode_allocation import (
     DUAL_SIGMA_MIN,
-    allocate_dual,
-    allocate_virtual,
-    between,
-    blended,
+    lean,
+    least_answer,
     smooth,
-    wrench_scale,
+    wrench_scale_into,
 )
-from snakegen.kernels.pose_law import attitude_error, desired_force, desired_torque, integrate
+from snakegen.kernels.pose_law import pose_wrench
 from snakegen.kernels.tree import Floats, Gimbals, Rotors, Tree
 from snakegen.kernels.underactuated import (
-    horizontal,
-    level_axes,
-    rotor_map,
-    tilted_target,
-    truncated,
-    truncated_wrench,
-    vectored_gimbals,
+    level_axes_into,
+    rotor_map_into,
+    truncated_wrench_into,
 )
-from snakegen.kernels.vectoring import joint_order, mounts
+from snakegen.kernels.vectoring import joint_order_into, mounts_into
 
 SATURATION = 1e-6  # scaled wrench by which a command may fall short before it counts as saturated
 
 
-@jit
-def spread_thrust(rotor: Floats, pushes: Floats) -> Floats:
-    """Returns rotor thrusts (n,) that share each apparatus' thrust (Ñ,) equally."""
-    count, thrust = np.zeros(pushes.shape[0]), np.empty(rotor.shape[0])
+@bare
+def spread_thrust(rotor: Floats, pushes: Floats, thrust: Floats) -> None:
+    """Writes rotor thrusts (n,) that share each apparatus' thrust (Ñ,) equally."""
+    count = scratch(pushes.shape[0])
+    for j in range(pushes.shape[0]):
+        count[j] = 0.0
     for r in range(thrust.shape[0]):
         count[int(rotor[r, 2, 1])] += 1.0
     for r in range(thrust.shape[0]):
         j = int(rotor[r, 2, 1])
         thrust[r] = pushes[j] / count[j]
-    return thrust
 
 
-@jit
+@bare
 def clip_to(lower: Floats, upper: Floats, x: Floats) -> None:
     """Clips x to its limits in place; all one-dimensional."""
     for i in range(x.shape[0]):
         x[i] = min(max(x[i], lower[i]), upper[i])
 
 
-@jit
+@bare
 def falls_short(wanted: Floats, given: Floats, rows: Floats) -> int:
     """Tells whether a wrench misses what was wanted by more than SATURATION, rows scaled."""
     for k in range(rows.shape[0]):
         if abs(rows[k] * (wanted[k] - given[k])) > SATURATION:
             return 1
     return 0
+
+
+@bare
+def forget(internal: Floats, value: float) -> None:
+    """Sets all internal forces (2, Ñ, 3) to one value: 0 for none, NaN for none as yet."""
+    for i in range(2):
+        for j in range(internal.shape[1]):
+            for k in range(3):
+                internal[i, j, k] = value
+
+
+@bare
+def made_into(m: Floats, rotor: Floats, angles: Floats, thrust: Floats, given: Floats) -> None:
+    """Writes the wrench (6,), CoG axes, of rotor thrusts (n,) at angles in joint order: eq 7."""
+    full = scratch((6, thrust.shape[0]))
+    rotor_map_into(m, rotor, angles, full)
+    for k in range(6):
+        given[k] = 0.0
+        for r in range(thrust.shape[0]):
+            given[k] += full[k, r] * thrust[r]
+
+
+@bare
+def falls_short_level(wanted: Floats, given: Floats, tilt: Floats, rows: Floats) -> int:
+    """Tells as `falls_short` does of ``[f_z; τ]`` alone, z the level axis."""
+    one, two = scratch(4), scratch(4)
+    truncated_wrench_into(wanted, tilt, one)
+    truncated_wrench_into(given, tilt, two)
+    return falls_short(one, two, rows[2:])
+
+
+@bare
+def decide(
+    tree: Tree,
+    rotors: Rotors,
+    gimbals: Gimbals,
+    law: Law,
+    length: float,
+    mode: int,
+    measured: Measured,
+    target: Target,
+    state: State,
+    dt: float,
+    force_dt: float,
+    command: Command,
+) -> tuple[float, int, float, int, float, int]:
+    """Does one tick in place: writes the arrays of `state` and of `command`.
+
+    Arguments as in `control_tick`. Returns what no array holds: the state's blend and whether it
+    is saturated, then the command's σ_min, Newton steps, residual and status.
+    """
+    n, bodies, count = gimbals.limit.shape[0], tree.parent.shape[0], rotors.body.shape[0]
+    rotation, position, cog = scratch((bodies, 3, 3)), scratch((bodies, 3)), scratch(3)
+    body = Body(rotation, position, cog, scratch((3, 3)))
+    wrench, thrust, rows = command.wanted, command.thrust, scratch(6)
+    stride = dt / law.blend_time if law.blend_time > 0.0 else 1.0
+    blend = min(state.blend + stride, 1.0) if mode == VIRTUAL else max(state.blend - stride, 0.0)
+    share = smooth(blend)
+    mass, ahead, left = pose_wrench(
+        tree, law, measured, target, state, share, dt, force_dt, body, wrench
+    )
+    wrench_scale_into(mass, law.gravity, length, rows)
+    m, rotor = scratch((n, 10, 3)), scratch((count, 3, 3))
+    mounts_into(tree, rotors, gimbals, rotation, position, cog, body.axes, m, rotor)
+    lower, upper, last = scratch((n, 2)), scratch((n, 2)), scratch((n, 2))
+    joint_order_into(m, law.gimbal_lower, lower)
+    joint_order_into(m, law.gimbal_upper, upper)
+    joint_order_into(m, state.gimbals, last)
+    angles, pushes, reached, given = scratch((n, 2)), scratch(n), scratch(6), command.given
+    sigma, steps, size, status = np.inf, 0, 0.0, FLOWN
+    if share > 0.0:
+        sigma, steps, size, beyond = least_answer(
+            m,
+            gimbals.limit,
+            wrench,
+            rows,
+            last,
+            lower,
+            upper,
+            law.sweeps,
+            law.newton,
+            law.residual,
+            pushes,
+            angles,
+        )
+        if law.constrained:
+            keep_limits(
+                tree,
+                gimbals,
+                law,
+                body,
+                m,
+                wrench,
+                rows,
+                last,
+                lower,
+                upper,
+                beyond,
+                dt,
+                pushes,
+                angles,
+                state.internal,
+                reached,
+            )
+        spread_thrust(rotor, pushes, thrust)
+        if sigma < law.sigma_min:
+            status = REFUSED
+    tilt = scratch((3, 3))
+    if share < 1.0:
+        level_axes_into(target.rotation, tilt)
+        dual_sigma = lean(
+            tree,
+            rotors,
+            gimbals,
+            law,
+            body,
+            m,
+            rotor,
+            ahead,
+            left,
+            tilt,
+            mass * law.gravity,
+            wrench,
+            rows,
+            last,
+            lower,
+            upper,
+            share,
+            thrust,
+            angles,
+        )
+        sigma = min(sigma, dual_sigma)
+        if dual_sigma < DUAL_SIGMA_MIN:
+            status = REFUSED
+    if share == 0.0 or not law.constrained:
+        forget(state.internal, np.nan if share == 0.0 else 0.0)
+    clip_to(rotors.thrust_min, rotors.thrust_max, thrust)
+    for j in range(n):
+        clip_to(lower[j], upper[j], angles[j])
+    made_into(m, rotor, angles, thrust, given)
+    if share < 1.0:
+        short = falls_short_level(wrench, given, tilt, rows)
+    else:
+        short = falls_short(wrench, reached if law.constrained else given, rows)
+    joint_order_into(m, angles, state.gimbals)
+    joint_order_into(m, angles, command.gimbals)
+    return blend, short, sigma, steps, size, status
 
 
 @jit
@@ -100,129 +245,24 @@ def control_tick(
         dt: s since then.
         force_dt: s of position error to add to its integral (0 between ticks of a slower loop).
     """
-    rotation, position = forward(tree, measured.rotation, measured.position, measured.angles)
-    linear, spins = body_twists(
-        tree, rotation, position, measured.linear, measured.angular, measured.rates
+    after, thrust, turns = copied(state), np.empty(rotors.body.shape[0]), state.gimbals.copy()
+    wanted, given = np.empty(6), np.empty(6)
+    command = Command(thrust, turns, wanted, given, np.inf, 0, 0.0, FLOWN)
+    blend, short, sigma, steps, size, status = decide(
+        tree,
+        rotors,
+        gimbals,
+        law,
+        length,
+        mode,
+        measured,
+        target,
+        after,
+        dt,
+        force_dt,
+        command,
     )
-    mass, cog, world_inertia = mass_properties(tree, rotation, position)
-    speed = centre_velocity(tree, rotation, linear, spins)
-    axes, half, inertia = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    matmul_into(rotation[law.axes_body], law.axes_rotation, axes)
-    matmul_into(world_inertia, axes, half)
-    matmul_into(axes.T, half, inertia)
-    angular = np.empty(3)
-    turn_back_into(axes, spins[law.axes_body], angular)
-
-    stride = dt / law.blend_time if law.blend_time > 0.0 else 1.0
-    blend = min(state.blend + stride, 1.0) if mode == VIRTUAL else max(state.blend - stride, 0.0)
-    share, held = smooth(blend), state.saturated
-    pulled = integrate(
-        state.force_integral, target.position - cog, force_dt, law.force_integral_limit, held
-    )
-    force = desired_force(
-        mass,
-        cog,
-        speed,
-        pulled,
-        target.position,
-        target.velocity,
-        target.acceleration,
-        law.force,
-        law.gravity,
-    )
-    wanted = target.rotation
-    ahead, left = horizontal(force, axes)
-    if share < 1.0:
-        leaning = tilted_target(
-            ahead, left, target.rotation, mass * law.gravity, law.attitude, law.tilt_limit
-        )
-        wanted = between(target.rotation, leaning, 1.0 - share)
-    error = attitude_error(axes, wanted)
-    wound = integrate(state.torque_integral, error, dt, law.torque_integral_limit, held)
-    wrench = np.empty(6)
-    turn_back_into(axes, force, wrench[:3])
-    torque = desired_torque(
-        inertia, axes, angular, wound, wanted, target.angular, law.torque, law.gyroscopic
-    )
-    for k in range(3):
-        wrench[3 + k] = torque[k]
-
-    rows = wrench_scale(mass, law.gravity, length)
-    m, rotor = mounts(tree, rotors, gimbals, rotation, position, cog, axes)
-    lower, upper = joint_order(m, law.gimbal_lower), joint_order(m, law.gimbal_upper)
-    last = joint_order(m, state.gimbals)
-    thrust, angles, sigma, steps, size = np.empty(rotor.shape[0]), last, np.inf, 0, 0.0
-    reached, status, internal = wrench, FLOWN, np.full((2, gimbals.limit.shape[0], 3), np.nan)
-    bounded = law.joints if law.constrained else law.joints[:0]
-    most = law.joint_limit if law.constrained else law.joint_limit[:0]
-    if share > 0.0:
-        held_up = force_loads(
-            tree, gimbals, m, last, rotation, position, cog, axes, law.gravity, bounded, most
-        )
-        pushes, angles, sigma, steps, size, reached, internal = allocate_virtual(
-            m,
-            gimbals.limit,
-            wrench,
-            rows,
-            last,
-            lower,
-            upper,
-            law.sweeps,
-            law.newton,
-            law.residual,
-            law.constrained,
-            held_up,
-            state.internal,
-            dt / (dt + law.internal_time),
-        )
-        thrust = spread_thrust(rotor, pushes)
-        if sigma < law.sigma_min:
-            status = REFUSED
-    tilt = level_axes(target.rotation)
-    if share < 1.0:
-        leaned = vectored_gimbals(
-            m, ahead, left, tilt, mass * law.gravity, law.vectoring, lower, upper, last
-        )
-        for j in range(leaned.shape[0]):
-            for k in range(2):
-                leaned[j, k] += share * (angles[j, k] - leaned[j, k])
-        angles = leaned
-        q = truncated(rotor_map(m, rotor, angles), tilt)
-        part = truncated_wrench(wrench, tilt)
-        bent = rotor_loads(
-            tree,
-            gimbals,
-            m,
-            rotor,
-            angles,
-            rotation,
-            position,
-            cog,
-            axes,
-            law.gravity,
-            bounded,
-            most,
-        )
-        split, dual_sigma = allocate_dual(
-            q, part, rows[2:], rotors.thrust_min, rotors.thrust_max, law.constrained, bent
-        )
-        if share > 0.0:
-            split = blended(q, part, rotors.thrust_max, thrust, split, share)
-        thrust, sigma = split, min(sigma, dual_sigma)
-        if dual_sigma < DUAL_SIGMA_MIN:
-            status = REFUSED
-    clip_to(rotors.thrust_min, rotors.thrust_max, thrust)
-    for j in range(angles.shape[0]):
-        clip_to(lower[j], upper[j], angles[j])
-    given, full = np.zeros(6), rotor_map(m, rotor, angles)
-    for k in range(6):
-        for r in range(thrust.shape[0]):
-            given[k] += full[k, r] * thrust[r]
-    short = falls_short(wrench, reached if law.constrained else given, rows)
-    if share < 1.0:
-        short = falls_short(truncated_wrench(wrench, tilt), truncated_wrench(given, tilt), rows[2:])
-    turns = joint_order(m, angles)
     return (
-        State(pulled, wound, turns, blend, short, internal),
-        Command(thrust, turns, wrench, given, sigma, steps, size, status),
+        with_flags(after, blend, short),
+        Command(thrust, turns, wanted, given, sigma, steps, size, status),
     )

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+from snakegen.kernels.bare import bare
+from snakegen.kernels.jit import jit
 from snakegen.kernels.tree import Floats, Ints
 
 VIRTUAL, DUAL = 1, 0  # modes: virtual single rotor (fully actuated), dual rotor (under-actuated)
@@ -27,6 +29,15 @@ class Target(NamedTuple):
     acceleration: Floats  # (3,) m/s², world, fed forward
     rotation: Floats  # (3, 3) attitude of the CoG frame
     angular: Floats  # (3,) rad/s, in the axes of `rotation`
+
+
+class Body(NamedTuple):
+    """Where the believed robot is: poses of its bodies, its CoG, the CoG frame's axes."""
+
+    rotation: Floats  # (n, 3, 3) world
+    position: Floats  # (n, 3) m, world
+    cog: Floats  # (3,) m, world
+    axes: Floats  # (3, 3)
 
 
 class Law(NamedTuple):
@@ -78,3 +89,29 @@ class Command(NamedTuple):
     iterations: int  # Newton steps taken
     residual: float  # ‖wanted - Q λ‖ after them, before limits
     status: int  # FLOWN or REFUSED
+
+
+@jit
+def copied(state: State) -> State:
+    """Returns a memory of its own arrays."""
+    return State(
+        state.force_integral.copy(),
+        state.torque_integral.copy(),
+        state.gimbals.copy(),
+        state.blend,
+        state.saturated,
+        state.internal.copy(),
+    )
+
+
+@bare(inline="always")
+def with_flags(state: State, blend: float, saturated: int) -> State:
+    """Returns the same arrays with the blend and the flag of another tick."""
+    return State(
+        state.force_integral,
+        state.torque_integral,
+        state.gimbals,
+        blend,
+        saturated,
+        state.internal,
+    )

@@ -7,13 +7,11 @@ for, rigid motions (the range of ``Qᵀ``) are left alone, and the power ``v·δ
 actuators is never positive, whatever the body's stiffness: nothing of it has to be known.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from snakegen.kernels.chain import forward, mass_properties
+from snakegen.kernels.chain import centre_of_gravity, forward
 from snakegen.kernels.control_tick import clip_to, spread_thrust
-from snakegen.kernels.control_types import Command, Law, Measured
+from snakegen.kernels.control_types import Body, Command, Law, Measured
 from snakegen.kernels.flight_types import Damper
 from snakegen.kernels.fully_actuated import (
     aim_forces,
@@ -33,15 +31,6 @@ from snakegen.kernels.vectoring import joint_order, mounts, thrust_line, turned_
 
 SHARE = 0.2  # of a largest thrust that damping may ask for
 HALVINGS = 6
-
-
-class Body(NamedTuple):
-    """Where the believed robot is: poses of its bodies, its CoG, the CoG frame's axes."""
-
-    rotation: Floats  # (n, 3, 3) world
-    position: Floats  # (n, 3) m, world
-    cog: Floats  # (3,) m, world
-    axes: Floats  # (3, 3)
 
 
 @jit
@@ -203,7 +192,7 @@ def damped(
     if 0.0 < blend < 1.0:
         return command.thrust, command.gimbals
     rotation, position = forward(tree, measured.rotation, measured.position, measured.angles)
-    mass, cog, _ = mass_properties(tree, rotation, position)
+    mass, cog = centre_of_gravity(tree, rotation, position)
     axes = np.empty((3, 3))
     matmul_into(rotation[law.axes_body], law.axes_rotation, axes)
     frame = Body(rotation, position, cog, axes)
@@ -218,6 +207,6 @@ def damped(
         pushes[int(rotor[r, 2, 1])] += thrust[r]
     rows = wrench_scale(mass, law.gravity, length)
     damp_apparatuses(gimbals, law, damper, frame, rates, m, rows, pushes, angles)
-    thrust = spread_thrust(rotor, pushes)
+    spread_thrust(rotor, pushes, thrust)
     clip_to(rotors.thrust_min, rotors.thrust_max, thrust)
     return thrust, joint_order(m, angles)

@@ -8,9 +8,10 @@ from math import sqrt
 import numpy as np
 
 from snakegen.kernels.air import air_forces, push
-from snakegen.kernels.borrowed import borrowed
-from snakegen.kernels.control_tick import control_tick
-from snakegen.kernels.control_types import Law, Measured, State, Target
+from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import borrowed, scratch
+from snakegen.kernels.control_tick import decide
+from snakegen.kernels.control_types import Command, Law, State, Target, copied, with_flags
 from snakegen.kernels.damping import damped
 from snakegen.kernels.flight_types import (
     Damper,
@@ -22,24 +23,16 @@ from snakegen.kernels.flight_types import (
     Wiring,
 )
 from snakegen.kernels.foreign import call_two_pointers
-from snakegen.kernels.history import rotation_of_quaternion
 from snakegen.kernels.jit import jit
-from snakegen.kernels.linear import cross_into, matmul_into, turn_into
+from snakegen.kernels.linear import cross_into
+from snakegen.kernels.sensing import read_imu, remember, sense
 from snakegen.kernels.tree import Floats, Gimbals, Rotors, Tree
 
 LOST = 50.0  # m/s or rad/s: a run this fast has diverged
 FLYING, DIVERGED, ASTRAY = 0, 1, 2  # how a stretch of ticks ended
 
 
-@jit
-def read_imu(sim: Simulator, memory: Memory) -> None:
-    """Takes a sample of attitude and angular rate."""
-    rotation_of_quaternion(sim.qpos[3:7], memory.imu[:9].reshape(3, 3))
-    for i in range(3):
-        memory.imu[9 + i] = sim.qvel[3 + i]
-
-
-@jit
+@bare
 def thrusts_into(sim: Simulator, wires: Wiring, out: Floats) -> None:
     """Writes the thrust (r,) [N] that each rotor gives now, after its motor's lag."""
     for r in range(out.shape[0]):
@@ -47,60 +40,13 @@ def thrusts_into(sim: Simulator, wires: Wiring, out: Floats) -> None:
         out[r] = sim.act[a] if a >= 0 else sim.ctrl[wires.rotors[r]]
 
 
-@jit
-def sense(
-    sim: Simulator,
-    wires: Wiring,
-    damper: Damper,
-    plan: References,
-    plant: Plant,
-    memory: Memory,
-    k: int,
-) -> tuple[Measured, Floats]:
-    """Returns what the controller learns at tick k: noisy, held between samples, late.
-
-    Besides, the rates (e,) of the damped hinges beyond what is asked of their servos.
-    """
-    if k % plant.hold == 0:
-        for i in range(3):
-            memory.seen[i] = sim.qpos[i] + plan.position_noise[k, i]
-            memory.seen[3 + i] = sim.qvel[i] + plan.velocity_noise[k, i]
-    n, dt = wires.qpos.shape[0], plant.substeps * plant.timestep
-    row = memory.ring[k % memory.ring.shape[0]]
-    rotation, rate = np.empty((3, 3)), np.empty(3)
-    matmul_into(memory.imu[:9].reshape(3, 3), plan.attitude_noise[k], rotation)
-    row[:9] = rotation.ravel()
-    for i in range(3):
-        rate[i] = memory.imu[9 + i] + plan.gyro_noise[k, i]
-    row[9:15] = memory.seen
-    turn_into(rotation, rate, row[15:18])
-    for i in range(n):
-        row[18 + i] = sim.qpos[wires.qpos[i]] + plan.angle_noise[i]
-        row[18 + n + i] = sim.qvel[wires.qvel[i]]
-    for e in range(damper.rate.shape[0]):
-        asked, servo = 0.0, damper.servo[e]
-        if servo >= 0 and k > 0:
-            asked = (plan.joints[k, servo] - plan.joints[k - 1, servo]) / dt
-        row[18 + 2 * n + e] = sim.qvel[damper.rate[e]] + plan.hinge_noise[k, e] - asked
-    late = memory.ring[max(k - plant.delay, 0) % memory.ring.shape[0]]
-    measured = Measured(
-        late[:9].reshape(3, 3),
-        late[9:12],
-        late[12:15],
-        late[15:18],
-        late[18 : 18 + n],
-        late[18 + n : 18 + 2 * n],
-    )
-    return measured, late[18 + 2 * n :]
-
-
-@jit
+@bare
 def slew(now: float, goal: float, step: float) -> float:
     """Returns `goal`, or as near to it as a `step` from `now` gets."""
     return min(max(goal, now - step), now + step)
 
 
-@jit
+@bare
 def act(
     sim: Simulator,
     wires: Wiring,
@@ -128,12 +74,13 @@ def act(
     for r in range(thrust.shape[0]):
         ceiling = most * plant.thrust_max[r]
         sim.ctrl[wires.rotors[r]] = min(thrust[r] * plan.strength[k, r], ceiling)
-    row[:] = sim.ctrl
+    for i in range(row.shape[0]):
+        row[i] = sim.ctrl[i]
     for r in range(thrust.shape[0]):
         row[wires.rotors[r]] = thrust[r]
 
 
-@jit
+@bare
 def world_forces(
     sim: Simulator,
     wires: Wiring,
@@ -144,7 +91,9 @@ def world_forces(
     k: int,
 ) -> None:
     """Applies the forces that are held during tick k: disturbance and air; drains the battery."""
-    memory.steady[:] = 0.0
+    for b in range(memory.steady.shape[0]):
+        for i in range(6):
+            memory.steady[b, i] = 0.0
     if plan.disturbance.shape[0] > 0:
         body = wires.disturbed
         at = sim.com if wires.at_cog else sim.body_position[body]
@@ -153,7 +102,9 @@ def world_forces(
             memory.steady[body, i] += plan.disturbance[k, i]
     if plant.air > 0.0:
         air_forces(sim, wires, plant, thrust, plan.wind[k], memory.steady)
-    sim.applied[:] = memory.steady
+    for b in range(memory.steady.shape[0]):
+        for i in range(6):
+            sim.applied[b, i] = memory.steady[b, i]
     power = 0.0
     for r in range(thrust.shape[0]):
         given = max(thrust[r], 0.0)
@@ -161,7 +112,7 @@ def world_forces(
     memory.used[0] += power * plant.substeps * plant.timestep / plant.capacity
 
 
-@jit
+@bare
 def spin_torques(
     sim: Simulator, wires: Wiring, plant: Plant, memory: Memory, thrust: Floats
 ) -> None:
@@ -169,10 +120,11 @@ def spin_torques(
 
     ``H = J Ω s``, Ω grows as the root of thrust; the moment is ``−Ḣ u − ω × H u``.
     """
-    axis, turned = np.empty(3), np.empty(3)
+    axis, turned = scratch(3), scratch(3)
     for r in range(thrust.shape[0]):
         body = wires.rotor_body[r]
-        sim.applied[body, 3:] = memory.steady[body, 3:]
+        for i in range(3, 6):
+            sim.applied[body, i] = memory.steady[body, i]
     for r in range(thrust.shape[0]):
         body, site = wires.rotor_body[r], wires.rotor_site[r]
         share = max(thrust[r], 0.0) / plant.thrust_max[r]
@@ -186,7 +138,7 @@ def spin_torques(
             sim.applied[body, 3 + i] -= rate * axis[i] + momentum * turned[i]
 
 
-@jit
+@bare
 def fastest(speeds: Floats) -> float:
     """Returns the largest magnitude; inf when any entry is not a number."""
     most = 0.0
@@ -196,7 +148,7 @@ def fastest(speeds: Floats) -> float:
     return most
 
 
-@jit
+@bare
 def distance(a: Floats, b: Floats) -> float:
     """Returns ``‖a − b‖`` of two (3,) vectors."""
     return sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
@@ -225,12 +177,11 @@ def fly_ticks(
     sim, wires, damper, plan = borrowed((sim, wires, damper, plan))
     plant, memory, rows = borrowed((plant, memory, rows))
     dt = plant.substeps * plant.timestep
-    thrust = np.empty(wires.rotors.shape[0])
+    count = wires.rotors.shape[0]
+    own, thrust = copied(state), scratch(count)
+    now, wish, turn = borrowed(own), scratch(count), scratch(memory.gimbals.shape)  # type: ignore[call-arg]
     for k in range(first, last):
-        rows.qpos[k], rows.qvel[k] = sim.qpos, sim.qvel
-        rows.act[k], rows.force[k] = sim.act, sim.force
-        rows.contact[k] = sim.touch.sum()
-        rows.used[k] = memory.used[0]
+        remember(sim, memory, rows, k)
         measured, hinges = sense(sim, wires, damper, plan, plant, memory, k)
         target = Target(
             plan.position[k],
@@ -240,12 +191,24 @@ def fly_ticks(
             plan.angular[k],
         )
         force_dt = plant.hold * dt if k % plant.hold == 0 else 0.0
-        state, command = control_tick(
-            tree, rotors, gimbals, law, length, plan.mode[k], measured, target, state, dt, force_dt
+        command = Command(wish, turn, rows.wanted[k], rows.given[k], 0.0, 0, 0.0, 0)
+        blend, short, sigma, _, _, status = decide(
+            tree,
+            rotors,
+            gimbals,
+            law,
+            length,
+            plan.mode[k],
+            measured,
+            target,
+            now,
+            dt,
+            force_dt,
+            command,
         )
-        rows.wanted[k], rows.given[k] = command.wanted, command.given
-        rows.sigma[k], rows.status[k] = command.sigma_min, command.status
-        asked, turns = command.thrust, command.gimbals
+        now = with_flags(now, blend, short)
+        rows.sigma[k], rows.status[k] = sigma, status
+        asked, turns = wish, turn
         if hinges.shape[0] > 0:
             asked, turns = damped(
                 tree,
@@ -257,7 +220,7 @@ def fly_ticks(
                 measured,
                 damper.modes @ hinges,
                 plan.rotation[k],
-                state.blend,
+                blend,
                 command,
             )
         act(sim, wires, plan, plant, memory, asked, turns, k, rows.command[k])
@@ -270,7 +233,7 @@ def fly_ticks(
             if (k * plant.substeps + i + 1) % plant.imu == 0:
                 read_imu(sim, memory)
         if not fastest(sim.qvel) < LOST:
-            return state, k + 1, DIVERGED
+            return with_flags(own, blend, short), k + 1, DIVERGED
         if distance(sim.com, plan.position[k]) > plant.give_up:
-            return state, k + 1, ASTRAY
-    return state, last, FLYING
+            return with_flags(own, blend, short), k + 1, ASTRAY
+    return with_flags(own, now.blend, now.saturated), last, FLYING

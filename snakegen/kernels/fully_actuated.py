@@ -8,9 +8,11 @@ from math import sqrt
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import scratch
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import cross_into, dot, turn_into
-from snakegen.kernels.spd import least_norm
+from snakegen.kernels.spd import least_norm_into
 from snakegen.kernels.tree import Floats
 from snakegen.kernels.vectoring import (
     AXIS,
@@ -25,23 +27,21 @@ from snakegen.kernels.vectoring import (
 )
 
 AT_REST = 1e-4  # rad, below which Newton finishes faster than another sweep
-UNSCALED = np.ones(6)
 
 
-@jit
-def confinement(m: Floats, angles: Floats) -> Floats:
-    """Returns projectors (Ñ, 3, 3), CoG axes, onto the forces that each apparatus can turn to.
+@bare
+def confinement_into(m: Floats, angles: Floats, out: Floats) -> None:
+    """Writes projectors (Ñ, 3, 3), CoG axes, onto the forces that each apparatus can turn to.
 
     All of space with two gimbal axes, the plane across the axis with one, the line with none.
     """
-    n = m.shape[0]
-    out, u = np.zeros((n, 3, 3)), np.empty(3)
-    once, twice, elbow = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    for j in range(n):
+    u, once, twice, elbow = scratch(3), scratch((3, 3)), scratch((3, 3)), scratch(3)
+    for j in range(m.shape[0]):
         one, two = dot(m[j, FIRST], m[j, FIRST]) > 0.5, dot(m[j, SECOND], m[j, SECOND]) > 0.5
         if one and two:
             for k in range(3):
-                out[j, k, k] = 1.0
+                for i in range(3):
+                    out[j, k, i] = 1.0 if k == i else 0.0
             continue
         turned_into(m, j, angles[j, 0], angles[j, 1], once, twice, elbow)
         if two:
@@ -50,10 +50,17 @@ def confinement(m: Floats, angles: Floats) -> Floats:
         else:
             turn_into(twice, m[j, AXIS], u)
             along_into(u, out[j])
-    return out
 
 
 @jit
+def confinement(m: Floats, angles: Floats) -> Floats:
+    """Returns the projectors (Ñ, 3, 3) of `confinement_into`."""
+    out = np.empty((m.shape[0], 3, 3))
+    confinement_into(m, angles, out)
+    return out
+
+
+@bare
 def along_into(u: Floats, out: Floats) -> None:
     """Writes the projector (3, 3) onto the line along unit u."""
     for i in range(3):
@@ -61,7 +68,7 @@ def along_into(u: Floats, out: Floats) -> None:
             out[i, k] = u[i] * u[k]
 
 
-@jit
+@bare
 def across_into(u: Floats, out: Floats) -> None:
     """Writes the projector (3, 3) onto the plane across unit u."""
     for i in range(3):
@@ -70,13 +77,11 @@ def across_into(u: Floats, out: Floats) -> None:
         out[i, i] += 1.0
 
 
-@jit
-def point_map(m: Floats, angles: Floats, allowed: Floats) -> Floats:
-    """Returns the map (6, 3Ñ) from forces in CoG axes to the wrench, ``[E; p× + c E] P``."""
-    n = m.shape[0]
-    q, moment, column = np.empty((6, 3 * n)), np.empty(3), np.empty(3)
-    u, p = np.empty(3), np.empty(3)
-    for j in range(n):
+@bare
+def point_map_into(m: Floats, angles: Floats, allowed: Floats, q: Floats) -> None:
+    """Writes the map (6, 3Ñ) from forces in CoG axes to the wrench, ``[E; p× + c E] P``."""
+    u, p, moment, column = scratch(3), scratch(3), scratch(3), scratch(3)
+    for j in range(m.shape[0]):
         thrust_line(m, j, angles[j], u, p)
         for c in range(3):
             for k in range(3):
@@ -85,19 +90,35 @@ def point_map(m: Floats, angles: Floats, allowed: Floats) -> Floats:
             for k in range(3):
                 q[k, 3 * j + c] = column[k]
                 q[3 + k, 3 * j + c] = moment[k] + m[j, EXTRA, 0] * column[k]
-    return q
 
 
 @jit
-def wrench_of(m: Floats, thrust: Floats, angles: Floats) -> Floats:
-    """Returns ``Q(φ, θ) λ`` (6,), rotors of an apparatus sharing its thrust: eq 13."""
-    out, u, p, moment = np.zeros(6), np.empty(3), np.empty(3), np.empty(3)
+def point_map(m: Floats, angles: Floats, allowed: Floats) -> Floats:
+    """Returns the map (6, 3Ñ) of `point_map_into`."""
+    q = np.empty((6, 3 * m.shape[0]))
+    point_map_into(m, angles, allowed, q)
+    return q
+
+
+@bare
+def wrench_into(m: Floats, thrust: Floats, angles: Floats, out: Floats) -> None:
+    """Writes ``Q(φ, θ) λ`` (6,), rotors of an apparatus sharing its thrust: eq 13."""
+    u, p, moment = scratch(3), scratch(3), scratch(3)
+    for k in range(6):
+        out[k] = 0.0
     for j in range(thrust.shape[0]):
         thrust_line(m, j, angles[j], u, p)
         cross_into(p, u, moment)
         for k in range(3):
             out[k] += thrust[j] * u[k]
             out[3 + k] += thrust[j] * (moment[k] + m[j, EXTRA, 0] * u[k])
+
+
+@jit
+def wrench_of(m: Floats, thrust: Floats, angles: Floats) -> Floats:
+    """Returns the wrench (6,) of `wrench_into`."""
+    out = np.empty(6)
+    wrench_into(m, thrust, angles, out)
     return out
 
 
@@ -112,14 +133,13 @@ def forces_of(m: Floats, thrust: Floats, angles: Floats) -> Floats:
     return out
 
 
-@jit
-def wrench_jacobian(m: Floats, thrust: Floats, angles: Floats) -> Floats:
-    """Returns ``J_w`` (6, 3Ñ), columns [all λ | all x1 | all x2], with ∂p: eqs 42-45."""
+@bare
+def wrench_jacobian_into(m: Floats, thrust: Floats, angles: Floats, out: Floats) -> None:
+    """Writes ``J_w`` (6, 3Ñ), columns [all λ | all x1 | all x2], with ∂p: eqs 42-45."""
     n = thrust.shape[0]
-    out = np.zeros((6, 3 * n))
-    u, p, arm, axis = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    du, dp, a, b = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    once, twice, elbow = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    u, p, arm, axis = scratch(3), scratch(3), scratch(3), scratch(3)
+    du, dp, a, b = scratch(3), scratch(3), scratch(3), scratch(3)
+    once, twice, elbow = scratch((3, 3)), scratch((3, 3)), scratch(3)
     for j in range(n):
         turned_into(m, j, angles[j, 0], angles[j, 1], once, twice, elbow)
         turn_into(twice, m[j, AXIS], u)
@@ -142,10 +162,17 @@ def wrench_jacobian(m: Floats, thrust: Floats, angles: Floats) -> Floats:
             for k in range(3):
                 out[k, column] = thrust[j] * du[k]
                 out[3 + k, column] = thrust[j] * (a[k] + b[k] + m[j, EXTRA, 0] * du[k])
-    return out
 
 
 @jit
+def wrench_jacobian(m: Floats, thrust: Floats, angles: Floats) -> Floats:
+    """Returns ``J_w`` (6, 3Ñ) of `wrench_jacobian_into`."""
+    out = np.empty((6, 3 * thrust.shape[0]))
+    wrench_jacobian_into(m, thrust, angles, out)
+    return out
+
+
+@bare
 def aim_forces(
     m: Floats, forces: Floats, lower: Floats, upper: Floats, thrust: Floats, angles: Floats
 ) -> None:
@@ -153,7 +180,7 @@ def aim_forces(
 
     `angles` holds the last ones on entry; an apparatus that is asked for nothing keeps them.
     """
-    out, direction = np.empty(2), np.empty(3)
+    out, direction = scratch(2), scratch(3)
     for j in range(thrust.shape[0]):
         size = sqrt(forces[3 * j] ** 2 + forces[3 * j + 1] ** 2 + forces[3 * j + 2] ** 2)
         thrust[j] = size
@@ -161,10 +188,10 @@ def aim_forces(
             for k in range(3):
                 direction[k] = forces[3 * j + k] / size
             point_thrust(m, j, direction, angles[j], lower[j], upper[j], out)
-            angles[j] = out
+            angles[j, 0], angles[j, 1] = out[0], out[1]
 
 
-@jit
+@bare
 def spread_forces(
     m: Floats,
     wrench: Floats,
@@ -173,43 +200,51 @@ def spread_forces(
     upper: Floats,
     last: Floats,
     sweeps: int,
-) -> tuple[Floats, Floats]:
-    """Returns thrust (Ñ,) and angles (Ñ, 2) by `sweeps` fixed-point rounds of eqs 36-39.
+    thrust: Floats,
+    angles: Floats,
+) -> None:
+    """Writes thrust (Ñ,) and angles (Ñ, 2) by `sweeps` fixed-point rounds of eqs 36-39.
 
     Each round puts the thrust points where the round before turned them; fewer are run when the
     angles rest, as they do from the tick before. Forces are of least
     ``Σ (‖f_j‖ / limit_j)²``.
     """
     n = limit.shape[0]
-    angles, thrust, weight = last.copy(), np.zeros(n), np.empty(3 * n)
+    before, weight, forces = scratch((n, 2)), scratch(3 * n), scratch(3 * n)
+    allowed, q = scratch((n, 3, 3)), scratch((6, 3 * n))
     for j in range(n):
+        thrust[j], angles[j, 0], angles[j, 1] = 0.0, last[j, 0], last[j, 1]
         for c in range(3):
             weight[3 * j + c] = limit[j]
     for _ in range(sweeps):
-        before = angles.copy()
-        q = point_map(m, angles, confinement(m, angles))
-        aim_forces(m, least_norm(q, weight, wrench), lower, upper, thrust, angles)
+        for j in range(n):
+            before[j, 0], before[j, 1] = angles[j, 0], angles[j, 1]
+        confinement_into(m, angles, allowed)
+        point_map_into(m, angles, allowed, q)
+        least_norm_into(q, weight, wrench, forces)
+        aim_forces(m, forces, lower, upper, thrust, angles)
         moved = 0.0
         for j in range(n):
             moved = max(moved, abs(angles[j, 0] - before[j, 0]), abs(angles[j, 1] - before[j, 1]))
         if moved < AT_REST:
             break
-    return thrust, angles
 
 
-@jit
+@bare
 def missing(
     m: Floats, wrench: Floats, thrust: Floats, angles: Floats, rows: Floats, error: Floats
-) -> float:
-    """Writes ``ε = w - Q(φ, θ) λ`` into `error` (6,) and returns ``‖diag(rows) ε‖``: eq 40."""
-    given, total = wrench_of(m, thrust, angles), 0.0
+) -> tuple[float, float]:
+    """Writes ``ε = w - Q(φ, θ) λ`` (6,) and returns ``‖ε‖`` and ``‖diag(rows) ε‖``: eq 40."""
+    wrench_into(m, thrust, angles, error)
+    plain, scaled = 0.0, 0.0
     for k in range(6):
-        error[k] = wrench[k] - given[k]
-        total += (rows[k] * error[k]) ** 2
-    return sqrt(total)
+        error[k] = wrench[k] - error[k]
+        plain += error[k] ** 2
+        scaled += (rows[k] * error[k]) ** 2
+    return sqrt(plain), sqrt(scaled)
 
 
-@jit
+@bare
 def refine(
     m: Floats,
     wrench: Floats,
@@ -237,26 +272,32 @@ def refine(
         residual: N and N m, where to stop.
     """
     n = thrust.shape[0]
-    weight, error = np.empty(3 * n), np.empty(6)
+    weight, error, delta, jacobian = scratch(3 * n), scratch(6), scratch(3 * n), scratch((6, 3 * n))
+    new_thrust, new_angles = scratch(n), scratch((n, 2))
     for c in range(3 * n):
         weight[c] = scale if c < n else 1.0
         if limit[c % n] <= 0.0:
             weight[c] = 0.0
-    new_thrust, new_angles = thrust, angles
-    for step in range(steps + 1):
-        size = missing(m, wrench, thrust, angles, UNSCALED, error)
-        if size <= residual or step == steps:
+    size, scaled = missing(m, wrench, thrust, angles, rows, error)
+    for step in range(steps):
+        if size <= residual:
             return step, size
-        delta = least_norm(wrench_jacobian(m, thrust, angles), weight, error)
-        before, part = missing(m, wrench, thrust, angles, rows, error), 1.0
+        wrench_jacobian_into(m, thrust, angles, jacobian)
+        least_norm_into(jacobian, weight, error, delta)
+        before, part = scaled, 1.0
         for _ in range(8):
-            new_thrust, new_angles = thrust.copy(), angles.copy()
             for j in range(n):
-                new_thrust[j] += part * delta[j]
-                new_angles[j, 0] += part * delta[n + j]
-                new_angles[j, 1] += part * delta[2 * n + j]
-            if missing(m, wrench, new_thrust, new_angles, rows, error) < before:
+                new_thrust[j] = thrust[j] + part * delta[j]
+                new_angles[j, 0] = angles[j, 0] + part * delta[n + j]
+                new_angles[j, 1] = angles[j, 1] + part * delta[2 * n + j]
+            size, scaled = missing(m, wrench, new_thrust, new_angles, rows, error)
+            if scaled < before:
                 break
             part *= 0.5
-        thrust[:], angles[:] = new_thrust, new_angles
+        for j in range(n):
+            thrust[j], angles[j, 0], angles[j, 1] = (
+                new_thrust[j],
+                new_angles[j, 0],
+                new_angles[j, 1],
+            )
     return steps, size

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
 from snakegen.kernels.chain import body_twists, centre_of_gravity, forward
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import turn_into
@@ -11,7 +12,7 @@ from snakegen.kernels.wrench_map import dual_map, rotor_frames, thrust_points
 HUGE = 1e200  # beyond it a sample counts as not finite
 
 
-@jit
+@bare
 def rotation_of_quaternion(q: Floats, out: Floats) -> None:
     """Writes the rotation (3, 3) of a unit quaternion [w, x, y, z]."""
     w, x, y, z = q[0], q[1], q[2], q[3]

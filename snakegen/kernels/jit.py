@@ -81,6 +81,7 @@ def jit(function: F | None = None, /, **options: Any) -> Any:
     if function is None:
         return lambda f: jit(f, **options)
     options.setdefault("error_model", "numpy")
+    options.setdefault("_nrt", True)  # else that of whichever kernel calls it first, cached so
     options.setdefault("no_cfunc_wrapper", True)
     options.setdefault("no_cpython_wrapper", function.__name__.startswith("_"))
     folder = cache_folder(function.__module__.rsplit(".", 1)[-1])

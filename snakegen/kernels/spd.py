@@ -4,13 +4,15 @@ from math import sqrt
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import scratch
 from snakegen.kernels.jit import jit
 from snakegen.kernels.tree import Floats
 
 
-@jit
-def solve_spd(matrix: Floats, rhs: Floats) -> Floats:
-    """Returns ``matrix⁻¹ rhs``; a pivot lost to rounding is replaced by a tiny one.
+@bare
+def solve_spd_into(matrix: Floats, rhs: Floats, x: Floats) -> None:
+    """Writes ``matrix⁻¹ rhs``; a pivot lost to rounding is replaced by a tiny one.
 
     So a singular system gives a huge, finite answer along its null space instead of NaN; callers
     judge singularity by singular values, not by this solve.
@@ -18,9 +20,10 @@ def solve_spd(matrix: Floats, rhs: Floats) -> Floats:
     Args:
         matrix: (n, n) symmetric, positive definite; the lower triangle is read.
         rhs: (n,).
+        x: (n,), the answer.
     """
     n = rhs.shape[0]
-    low, x = np.zeros((n, n)), np.empty(n)
+    low = scratch((n, n))
     floor = 0.0
     for i in range(n):
         floor = max(floor, matrix[i, i])
@@ -45,36 +48,59 @@ def solve_spd(matrix: Floats, rhs: Floats) -> Floats:
         for k in range(i + 1, n):
             total -= low[k, i] * x[k]
         x[i] = total / low[i, i]
-    return x
 
 
 @jit
-def gram(matrix: Floats, weight: Floats) -> Floats:
-    """Returns ``matrix diag(weight)² matrixᵀ`` (m, m) of a wide (m, n) matrix."""
+def solve_spd(matrix: Floats, rhs: Floats) -> Floats:
+    """Returns ``matrix⁻¹ rhs`` (n,) as `solve_spd_into` writes it."""
+    x = np.empty(rhs.shape[0])
+    solve_spd_into(matrix, rhs, x)
+    return x
+
+
+@bare
+def gram_into(matrix: Floats, weight: Floats, out: Floats) -> None:
+    """Writes ``matrix diag(weight)² matrixᵀ`` (m, m) of a wide (m, n) matrix."""
     m, n = matrix.shape
-    out = np.empty((m, m))
     for i in range(m):
         for k in range(i + 1):
             total = 0.0
             for c in range(n):
                 total += matrix[i, c] * matrix[k, c] * weight[c] * weight[c]
             out[i, k] = out[k, i] = total
+
+
+@jit
+def gram(matrix: Floats, weight: Floats) -> Floats:
+    """Returns ``matrix diag(weight)² matrixᵀ`` (m, m) of a wide (m, n) matrix."""
+    out = np.empty((matrix.shape[0], matrix.shape[0]))
+    gram_into(matrix, weight, out)
     return out
+
+
+@bare
+def least_norm_into(matrix: Floats, weight: Floats, rhs: Floats, x: Floats) -> None:
+    """Writes the x (n,) with ``matrix x = rhs`` of least ``‖x / weight‖``: eqs 22, 36, 46."""
+    m = matrix.shape[0]
+    square, mu = scratch((m, m)), scratch(m)
+    gram_into(matrix, weight, square)
+    solve_spd_into(square, rhs, mu)
+    for c in range(matrix.shape[1]):
+        total = 0.0
+        for i in range(m):
+            total += matrix[i, c] * mu[i]
+        x[c] = total * (weight[c] * weight[c])
 
 
 @jit
 def least_norm(matrix: Floats, weight: Floats, rhs: Floats) -> Floats:
     """Returns the x (n,) with ``matrix x = rhs`` of least ``‖x / weight‖``: eqs 22, 36, 46."""
-    mu = solve_spd(gram(matrix, weight), rhs)
-    x = np.zeros(matrix.shape[1])
-    for c in range(x.shape[0]):
-        for i in range(rhs.shape[0]):
-            x[c] += matrix[i, c] * mu[i]
-        x[c] *= weight[c] * weight[c]
+    x = np.empty(matrix.shape[1])
+    least_norm_into(matrix, weight, rhs, x)
     return x
 
 
-@jit
+@bare
 def least_eigenvalue(matrix: Floats) -> float:
     """Returns the least eigenvalue of a symmetric (n, n) matrix by cyclic Jacobi rotations.
 
@@ -111,13 +137,14 @@ def least_eigenvalue(matrix: Floats) -> float:
     return least
 
 
-@jit
+@bare
 def least_singular_value(matrix: Floats, rows: Floats, weight: Floats) -> float:
     """Returns σ_min of ``diag(rows) matrix diag(weight)``, 0 if there are fewer columns than rows.
 
     From the eigenvalues of its Gram matrix: good to about 1e-8 of the largest.
     """
-    square = gram(matrix, weight)
+    square = scratch((matrix.shape[0], matrix.shape[0]))
+    gram_into(matrix, weight, square)
     for i in range(square.shape[0]):
         for k in range(square.shape[0]):
             square[i, k] *= rows[i] * rows[k]

@@ -9,13 +9,15 @@ from math import asin, atan2, cos, sin, sqrt
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import scratch
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import cross_into, turn_back_into, turn_into
 from snakegen.kernels.tree import Floats
 from snakegen.kernels.vectoring import point_thrust, turned_into
 
 
-@jit
+@bare
 def euler(rotation: Floats) -> tuple[float, float, float]:
     """Returns roll, pitch, yaw [rad] of ``Rz(yaw) Ry(pitch) Rx(roll)``."""
     pitch = asin(min(max(-rotation[2, 0], -1.0), 1.0))
@@ -23,18 +25,16 @@ def euler(rotation: Floats) -> tuple[float, float, float]:
     return roll, pitch, atan2(rotation[1, 0], rotation[0, 0])
 
 
-@jit
-def from_euler(roll: float, pitch: float, yaw: float) -> Floats:
-    """Returns ``Rz(yaw) Ry(pitch) Rx(roll)`` (3, 3)."""
+@bare
+def from_euler_into(roll: float, pitch: float, yaw: float, out: Floats) -> None:
+    """Writes ``Rz(yaw) Ry(pitch) Rx(roll)`` (3, 3)."""
     cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)
-    out = np.empty((3, 3))
-    out[0] = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
-    out[1] = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
-    out[2] = -sp, cp * sr, cp * cr
-    return out
+    out[0, 0], out[0, 1], out[0, 2] = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
+    out[1, 0], out[1, 1], out[1, 2] = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
+    out[2, 0], out[2, 1], out[2, 2] = -sp, cp * sr, cp * cr
 
 
-@jit
+@bare
 def horizontal(force: Floats, rotation: Floats) -> tuple[float, float]:
     """Returns ``f'_x = f_x cosψ + f_y sinψ`` and ``f'_y = f_y cosψ - f_x sinψ`` [N]."""
     _, _, yaw = euler(rotation)
@@ -42,11 +42,17 @@ def horizontal(force: Floats, rotation: Floats) -> tuple[float, float]:
     return ahead, force[1] * cos(yaw) - force[0] * sin(yaw)
 
 
-@jit
-def tilted_target(
-    ahead: float, left: float, wanted: Floats, weight: float, gains: Floats, most: float
-) -> Floats:
-    """Returns the attitude (3, 3) that makes the horizontal force: eqs 23-24.
+@bare
+def tilted_target_into(
+    ahead: float,
+    left: float,
+    wanted: Floats,
+    weight: float,
+    gains: Floats,
+    most: float,
+    out: Floats,
+) -> None:
+    """Writes the attitude (3, 3) that makes the horizontal force: eqs 23-24.
 
     ``roll = roll_t - k_φ f'_y / (m g)`` and ``pitch = pitch_t + k_θ f'_x / (m g)`` on top of the
     target's own.
@@ -57,18 +63,58 @@ def tilted_target(
         weight: m g [N].
         gains: (2,) k_φ, k_θ.
         most: rad, clamp of the added roll and pitch.
+        out: (3, 3)
     """
     roll, pitch, yaw = euler(wanted)
     roll -= min(max(gains[0] * left / weight, -most), most)
     pitch += min(max(gains[1] * ahead / weight, -most), most)
-    return from_euler(roll, pitch, yaw)
+    from_euler_into(roll, pitch, yaw, out)
+
+
+@jit
+def tilted_target(
+    ahead: float, left: float, wanted: Floats, weight: float, gains: Floats, most: float
+) -> Floats:
+    """Returns the attitude (3, 3) of `tilted_target_into`."""
+    out = np.empty((3, 3))
+    tilted_target_into(ahead, left, wanted, weight, gains, most, out)
+    return out
+
+
+@bare
+def between_into(a: Floats, b: Floats, share: float, out: Floats) -> None:
+    """Writes a rotation `share` of the way from a to b, for nearby ones (Gram-Schmidt)."""
+    size = along = 0.0
+    for i in range(3):
+        for k in range(2):
+            out[i, k] = (1.0 - share) * a[i, k] + share * b[i, k]
+        size += out[i, 0] ** 2
+        along += out[i, 0] * out[i, 1]
+    rest = 0.0
+    for i in range(3):
+        out[i, 1] -= along / size * out[i, 0]
+        rest += out[i, 1] ** 2
+    for i in range(3):
+        out[i, 0] /= sqrt(size)
+        out[i, 1] /= sqrt(rest)
+    for i in range(3):
+        k, l = (i + 1) % 3, (i + 2) % 3
+        out[i, 2] = out[k, 0] * out[l, 1] - out[l, 0] * out[k, 1]
+
+
+@bare
+def level_axes_into(wanted: Floats, out: Floats) -> None:
+    """Writes the target's tilt ``Ry(pitch) Rx(roll)`` (3, 3): CoG axes seen from level ones."""
+    roll, pitch, _ = euler(wanted)
+    from_euler_into(roll, pitch, 0.0, out)
 
 
 @jit
 def level_axes(wanted: Floats) -> Floats:
-    """Returns the target's tilt ``Ry(pitch) Rx(roll)`` (3, 3): CoG axes seen from level ones."""
-    roll, pitch, _ = euler(wanted)
-    return from_euler(roll, pitch, 0.0)
+    """Returns the tilt (3, 3) of `level_axes_into`."""
+    out = np.empty((3, 3))
+    level_axes_into(wanted, out)
+    return out
 
 
 @jit
@@ -105,15 +151,17 @@ def vectored_gimbals(
     return out
 
 
-@jit
-def rotor_map(m: Floats, rotor: Floats, angles: Floats) -> Floats:
-    """Returns ``Q_dual`` (6, n) at the given gimbal angles (joint order), CoG held: eqs 7-10."""
-    count = rotor.shape[0]
-    q, u, p, moment = np.empty((6, count)), np.empty(3), np.empty(3), np.empty(3)
-    once, twice, elbow = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    for r in range(count):
+@bare
+def rotor_map_into(m: Floats, rotor: Floats, angles: Floats, q: Floats) -> None:
+    """Writes ``Q_dual`` (6, n) at the given gimbal angles (joint order), CoG held: eqs 7-10."""
+    u, p, moment = scratch(3), scratch(3), scratch(3)
+    once, twice, elbow = scratch((3, 3)), scratch((3, 3)), scratch(3)
+    turned = -1
+    for r in range(rotor.shape[0]):
         j = int(rotor[r, 2, 1])
-        turned_into(m, j, angles[j, 0], angles[j, 1], once, twice, elbow)
+        if j != turned:  # rotors of an apparatus stand together
+            turned_into(m, j, angles[j, 0], angles[j, 1], once, twice, elbow)
+            turned = j
         turn_into(twice, rotor[r, 0], p)
         turn_into(twice, rotor[r, 1], u)
         for k in range(3):
@@ -122,6 +170,13 @@ def rotor_map(m: Floats, rotor: Floats, angles: Floats) -> Floats:
         for k in range(3):
             q[k, r] = u[k]
             q[3 + k, r] = moment[k] + rotor[r, 2, 0] * u[k]
+
+
+@jit
+def rotor_map(m: Floats, rotor: Floats, angles: Floats) -> Floats:
+    """Returns the map (6, n) of `rotor_map_into`."""
+    q = np.empty((6, rotor.shape[0]))
+    rotor_map_into(m, rotor, angles, q)
     return q
 
 
@@ -139,11 +194,17 @@ def truncated(q: Floats, tilt: Floats) -> Floats:
     return out
 
 
+@bare
+def truncated_wrench_into(wrench: Floats, tilt: Floats, out: Floats) -> None:
+    """Writes ``[f_z; τ]`` (4,) of a wrench (6,)."""
+    out[0] = tilt[2, 0] * wrench[0] + tilt[2, 1] * wrench[1] + tilt[2, 2] * wrench[2]
+    for k in range(3):
+        out[1 + k] = wrench[3 + k]
+
+
 @jit
 def truncated_wrench(wrench: Floats, tilt: Floats) -> Floats:
     """Returns ``[f_z; τ]`` (4,) of a wrench (6,)."""
     out = np.empty(4)
-    out[0] = tilt[2, 0] * wrench[0] + tilt[2, 1] * wrench[1] + tilt[2, 2] * wrench[2]
-    for k in range(3):
-        out[1 + k] = wrench[3 + k]
+    truncated_wrench_into(wrench, tilt, out)
     return out

@@ -12,6 +12,8 @@ from math import atan2, pi, sqrt
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import scratch
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import (
     cross_into,
@@ -49,58 +51,84 @@ def mounts(
         mounts (Ñ, 10, 3), and per rotor (n_rotors, 3, 3): its point, its axis (both like f, u),
         and [torque ratio, apparatus, 0].
     """
+    m, rows = np.empty((gimbals.limit.shape[0], 10, 3)), np.empty((rotors.body.shape[0], 3, 3))
+    mounts_into(tree, rotors, gimbals, rotation, position, cog, axes, m, rows)
+    return m, rows
+
+
+@bare
+def mounts_into(
+    tree: Tree,
+    rotors: Rotors,
+    gimbals: Gimbals,
+    rotation: Floats,
+    position: Floats,
+    cog: Floats,
+    axes: Floats,
+    m: Floats,
+    rows: Floats,
+) -> None:
+    """Writes the geometry (Ñ, 10, 3) and the rotors' rows (n_rotors, 3, 3): `mounts`."""
     n = gimbals.link_body.shape[0]
-    m, turn, world, arm = np.zeros((n, 10, 3)), np.zeros((n, 3, 3)), np.empty((3, 3)), np.empty(3)
+    turn, world, arm = scratch((n, 3, 3)), scratch((3, 3)), scratch(3)
     for j in range(n):
+        for k in range(10):
+            for i in range(3):
+                m[j, k, i] = 0.0
         roll, pitch = gimbals.roll_body[j], gimbals.pitch_body[j]
         near, far = min(roll, pitch), max(roll, pitch)
         m[j, EXTRA, 1] = 1.0 if pitch < roll else 0.0
         body = near
         if near >= 0:
             matmul_into(rotation[tree.parent[near]], tree.rotation[near], world)
-            m[j, FIRST] = tree.axis[near]
+            for k in range(3):
+                m[j, FIRST, k] = tree.axis[near, k]
         else:
             body = tree.parent[far] if far >= 0 else gimbals.thrust_body[j]
-            world[:] = rotation[body]
+            for k in range(3):
+                for i in range(3):
+                    world[k, i] = rotation[body, k, i]
         for k in range(3):
             arm[k] = position[body, k] - cog[k]
-            turn[j, k, k] = 1.0
+            for i in range(3):
+                turn[j, k, i] = tree.rotation[far, k, i] if far >= 0 else (1.0 if k == i else 0.0)
         turn_back_into(axes, arm, m[j, ORIGIN])
         for k in range(3):
             for i in range(3):
                 for a in range(3):
                     m[j, k, i] += axes[a, k] * world[a, i]
         if far >= 0:
-            turn[j] = tree.rotation[far]
-            m[j, LEVER] = tree.translation[far]
+            for k in range(3):
+                m[j, LEVER, k] = tree.translation[far, k]
             turn_into(turn[j], tree.axis[far], m[j, SECOND])
         turn_into(turn[j], gimbals.thrust_point[j], m[j, POINT])
         turn_into(turn[j], gimbals.thrust_axis[j], m[j, AXIS])
-    return m, rotor_rows(rotors, turn, m)
+    rotor_rows(rotors, turn, m, rows)
 
 
-@jit
-def rotor_rows(rotors: Rotors, turn: Floats, m: Floats) -> Floats:
-    """Returns the rotors' rows of `mounts`, and writes their mean torque ratio into `m`."""
+@bare
+def rotor_rows(rotors: Rotors, turn: Floats, m: Floats, rows: Floats) -> None:
+    """Writes the rotors' rows of `mounts`, and their mean torque ratio into `m`."""
     count = rotors.body.shape[0]
-    rows, share = np.zeros((count, 3, 3)), np.zeros(m.shape[0])
+    share = scratch(m.shape[0])
+    for j in range(m.shape[0]):
+        share[j] = 0.0
     for r in range(count):
         share[rotors.apparatus[r]] += 1.0
     for r in range(count):
         j = rotors.apparatus[r]
         turn_into(turn[j], rotors.position[r], rows[r, 0])
         turn_into(turn[j], rotors.axis[r], rows[r, 1])
-        rows[r, 2, 0], rows[r, 2, 1] = rotors.torque_ratio[r], j
+        rows[r, 2, 0], rows[r, 2, 1], rows[r, 2, 2] = rotors.torque_ratio[r], j, 0.0
         m[j, EXTRA, 0] += rotors.torque_ratio[r] / share[j]
-    return rows
 
 
-@jit
+@bare
 def turned_into(
     m: Floats, j: int, x1: float, x2: float, once: Floats, twice: Floats, elbow: Floats
 ) -> None:
     """Writes, in CoG axes, ``A exp(w1 x1)``, ``A exp(w1 x1) exp(w2 x2)``, and joint 2's origin."""
-    step = np.empty((3, 3))
+    step = scratch((3, 3))
     rotation_into(m[j, FIRST], x1, step)
     matmul_into(m[j], step, once)
     rotation_into(m[j, SECOND], x2, step)
@@ -110,10 +138,10 @@ def turned_into(
         elbow[k] += m[j, ORIGIN, k]
 
 
-@jit
+@bare
 def thrust_line(m: Floats, j: int, x: Floats, u: Floats, p: Floats) -> None:
     """Writes the thrust direction u (3,) and point p (3,) [m] of apparatus j at angles x (2,)."""
-    once, twice, elbow = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    once, twice, elbow = scratch((3, 3)), scratch((3, 3)), scratch(3)
     turned_into(m, j, x[0], x[1], once, twice, elbow)
     turn_into(twice, m[j, AXIS], u)
     turn_into(twice, m[j, POINT], p)
@@ -121,15 +149,15 @@ def thrust_line(m: Floats, j: int, x: Floats, u: Floats, p: Floats) -> None:
         p[k] += elbow[k]
 
 
-@jit
+@bare
 def angle_about(w: Floats, a: Floats, b: Floats) -> float:
     """Returns the angle [rad] about unit w that turns a's part across w onto b's."""
-    swept = np.empty(3)
+    swept = scratch(3)
     cross_into(a, b, swept)
     return atan2(dot(w, swept), dot(a, b) - dot(w, a) * dot(w, b))
 
 
-@jit
+@bare
 def nearest_turn(x: float, last: float, lower: float, upper: float) -> float:
     """Returns the angle equal to x modulo 2π nearest to `last` within limits, else the nearest."""
     x += 2.0 * pi * round((last - x) / (2.0 * pi))
@@ -140,7 +168,7 @@ def nearest_turn(x: float, last: float, lower: float, upper: float) -> float:
     return min(max(x, lower), upper)
 
 
-@jit
+@bare
 def point_thrust(
     m: Floats, j: int, direction: Floats, last: Floats, lower: Floats, upper: Floats, out: Floats
 ) -> None:
@@ -158,8 +186,8 @@ def point_thrust(
         lower, upper: (2,) rad, limits of joints 1 and 2.
         out: (2,) rad.
     """
-    q, middle, twist, reached = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    once, twice, elbow = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    q, middle, twist, reached = scratch(3), scratch(3), scratch(3), scratch(3)
+    once, twice, elbow = scratch((3, 3)), scratch((3, 3)), scratch(3)
     turn_back_into(m[j], direction, q)
     w1, w2, p = m[j, FIRST], m[j, SECOND], m[j, AXIS]
     out[0], out[1] = last[0], last[1]
@@ -196,11 +224,17 @@ def point_thrust(
             out[0], out[1] = x1, x2
 
 
+@bare
+def joint_order_into(m: Floats, angles: Floats, out: Floats) -> None:
+    """Writes (Ñ, 2) angles reordered between [roll, pitch] and [joint 1, joint 2]."""
+    for j in range(angles.shape[0]):
+        first = 1 if m[j, EXTRA, 1] > 0.5 else 0
+        out[j, 0], out[j, 1] = angles[j, first], angles[j, 1 - first]
+
+
 @jit
 def joint_order(m: Floats, angles: Floats) -> Floats:
     """Returns (Ñ, 2) angles reordered between [roll, pitch] and [joint 1, joint 2]."""
-    out = angles.copy()
-    for j in range(angles.shape[0]):
-        if m[j, EXTRA, 1] > 0.5:
-            out[j, 0], out[j, 1] = angles[j, 1], angles[j, 0]
+    out = np.empty(angles.shape)
+    joint_order_into(m, angles, out)
     return out

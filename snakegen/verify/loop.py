@@ -15,7 +15,8 @@ from snakegen.control.controller import Controller
 from snakegen.geometry import Floats
 from snakegen.kernels.chain import forward
 from snakegen.kernels.control_types import REFUSED, Measured, State, Target
-from snakegen.kernels.flight import ASTRAY, DIVERGED, fly_ticks, read_imu, thrusts_into
+from snakegen.kernels.flight import ASTRAY, DIVERGED, fly_ticks, thrusts_into
+from snakegen.kernels.sensing import read_imu
 from snakegen.verify import wiring
 from snakegen.verify.interrupt import noted
 from snakegen.verify.plan import Plan

@@ -1,0 +1,83 @@
+"""What a flight's controller learns of the simulator, and what the log keeps of it."""
+
+from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import scratch
+from snakegen.kernels.control_types import Measured
+from snakegen.kernels.flight_types import Damper, Memory, Plant, References, Rows, Simulator, Wiring
+from snakegen.kernels.history import rotation_of_quaternion
+from snakegen.kernels.linear import matmul_into, turn_into
+from snakegen.kernels.tree import Floats
+
+
+@bare
+def read_imu(sim: Simulator, memory: Memory) -> None:
+    """Takes a sample of attitude and angular rate."""
+    rotation_of_quaternion(sim.qpos[3:7], memory.imu[:9].reshape(3, 3))
+    for i in range(3):
+        memory.imu[9 + i] = sim.qvel[3 + i]
+
+
+@bare
+def sense(
+    sim: Simulator,
+    wires: Wiring,
+    damper: Damper,
+    plan: References,
+    plant: Plant,
+    memory: Memory,
+    k: int,
+) -> tuple[Measured, Floats]:
+    """Returns what the controller learns at tick k: noisy, held between samples, late.
+
+    Besides, the rates (e,) of the damped hinges beyond what is asked of their servos.
+    """
+    if k % plant.hold == 0:
+        for i in range(3):
+            memory.seen[i] = sim.qpos[i] + plan.position_noise[k, i]
+            memory.seen[3 + i] = sim.qvel[i] + plan.velocity_noise[k, i]
+    n, dt = wires.qpos.shape[0], plant.substeps * plant.timestep
+    row = memory.ring[k % memory.ring.shape[0]]
+    rotation, rate = scratch((3, 3)), scratch(3)
+    matmul_into(memory.imu[:9].reshape(3, 3), plan.attitude_noise[k], rotation)
+    for i in range(3):
+        rate[i] = memory.imu[9 + i] + plan.gyro_noise[k, i]
+        for j in range(3):
+            row[3 * i + j] = rotation[i, j]
+    for i in range(6):
+        row[9 + i] = memory.seen[i]
+    turn_into(rotation, rate, row[15:18])
+    for i in range(n):
+        row[18 + i] = sim.qpos[wires.qpos[i]] + plan.angle_noise[i]
+        row[18 + n + i] = sim.qvel[wires.qvel[i]]
+    for e in range(damper.rate.shape[0]):
+        asked, servo = 0.0, damper.servo[e]
+        if servo >= 0 and k > 0:
+            asked = (plan.joints[k, servo] - plan.joints[k - 1, servo]) / dt
+        row[18 + 2 * n + e] = sim.qvel[damper.rate[e]] + plan.hinge_noise[k, e] - asked
+    late = memory.ring[max(k - plant.delay, 0) % memory.ring.shape[0]]
+    measured = Measured(
+        late[:9].reshape(3, 3),
+        late[9:12],
+        late[12:15],
+        late[15:18],
+        late[18 : 18 + n],
+        late[18 + n : 18 + 2 * n],
+    )
+    return measured, late[18 + 2 * n :]
+
+
+@bare
+def remember(sim: Simulator, memory: Memory, rows: Rows, k: int) -> None:
+    """Writes the state at the start of tick k into its row of the log."""
+    for i in range(sim.qpos.shape[0]):
+        rows.qpos[k, i] = sim.qpos[i]
+    for i in range(sim.qvel.shape[0]):
+        rows.qvel[k, i] = sim.qvel[i]
+    for i in range(sim.act.shape[0]):
+        rows.act[k, i] = sim.act[i]
+    for i in range(sim.force.shape[0]):
+        rows.force[k, i] = sim.force[i]
+    total = 0.0
+    for i in range(sim.touch.shape[0]):
+        total += sim.touch[i]
+    rows.contact[k], rows.used[k] = total, memory.used[0]
