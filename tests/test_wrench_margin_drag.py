@@ -150,6 +150,27 @@ def test_an_impossible_hover_is_negative_by_its_distance():
     assert not m.feasible and -m.wrench == pytest.approx(np.sqrt(found.fun), rel=1e-6)
 
 
+def test_a_near_straight_body_that_its_drag_turns_is_out_of_reach():
+    """The set is a ten-thousandth thick: a descent alone does not see that hover lies outside."""
+    points = np.array(
+        [
+            [-4.199994e-01, -1.920000e-05, 4.144000e-04],
+            [4.000000e-07, 3.380000e-05, 1.631000e-04],
+            [4.199996e-01, -9.300000e-06, -5.820000e-04],
+        ]
+    )
+    b = SimpleNamespace(points=points, limits=np.array([44.89, 37.28, 55.82]))
+    b.drag = np.array([-6.355e-04, -7.270e-04, -4.280e-04])
+    b.hover = np.array([-29.316, 48.224, -16.720, 0, 0, 0])
+    for options in ({}, {"wrench_starts": 0}):
+        m = margins_of(b, **options)
+        assert m.rank == 6 and not m.feasible and np.isnan(m.force)
+        twist = m.twists[0] / np.linalg.norm(m.twists[0])
+        apart = -height(b, twist * np.r_[np.ones(3), np.full(3, 1.0 / LENGTH)]) / F0
+        assert apart > 1e-5 and -m.wrench == pytest.approx(apart, rel=1e-6)
+        assert m.bounds[0, 0] <= m.wrench
+
+
 def test_gimbal_limits_that_bind_nothing_leave_the_margins():
     b = random_body(np.random.default_rng(5), 4)
     free, hull = margins_of(b), margins_of(b, gimbal_limits=[np.pi, np.pi])

@@ -35,12 +35,24 @@ def _fall(
         before = radius
 
 
+def _separating(p: Floats, limit: Floats, hover: Floats, twists: Floats) -> tuple[float, Floats]:
+    """Returns the distance that the known twists prove at least, and the unit twist that does."""
+    units = twists[np.isfinite(twists).all(axis=1)]
+    units = units / np.linalg.norm(units, axis=1, keepdims=True)
+    work = np.empty((len(limit), 3))
+    proofs = [(-shoot.slack(u, p, limit, hover, 0.0, work), u) for u in units]
+    return max(proofs, key=lambda proof: proof[0], default=(0.0, np.zeros(6)))
+
+
 def refine(
     p: Floats, limit: Floats, hover: Floats, bounds: Floats, twists: Floats, rank: int, starts: int
 ) -> None:
     """Searches the wrench margin from many starts, or measures the distance where infeasible."""
     if bounds[0, 1] < 0.0:
+        known = _separating(p, limit, hover, twists)
         low, high = shoot.distance(p, limit, hover, 20000, twists[0])
+        if known[0] > low:  # a thin set, which the descent is slow to leave behind
+            low, twists[0] = known
         bounds[0] = -high, -low
     elif rank == 6 and starts:
         for start in _starts(starts, twists):
