@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import snakegen
-from snakegen.analysis import actuation, attitude, control, statics
+from snakegen.analysis import actuation, attitude, control, hover, statics
 from snakegen.analysis.allocation import allocation
 from snakegen.description.mjcf import decorate
 from snakegen.equivalence import compare
@@ -194,6 +194,9 @@ def test_rotors_without_gimbals_fly_in_dual_rotor_mode_alone(tmp_path):
     loops = control.analyze(robot, q)
     assert {mode for _, mode in loops.loops} == {"dual_rotor"} and loops.own[1] == "dual_rotor"
     assert sum("(flown)" in label for label, _ in loops.rows()) == 1
+    hovering = hover.analyze(robot, q)
+    assert not hovering.virtual_feasible
+    assert "virtual-single-rotor" not in str(hovering.rows())
     assert statics.analyze(robot, q).support != "hover"  # a force that nothing turns is not free
     file.write_text(FIXED + "control: {sigma_min: 0.05}\n")
     said = snakegen.load(URDF, modules=file).modules.control

@@ -29,6 +29,7 @@ class Hover:
         roll_moment_range: (Ñ,) N m, the same at its largest, one rotor full and one at minimum.
         roll_effort: (Ñ,) N m, the roll servo's limit, inf where there is no such joint.
         weight: N.
+        vectored: whether gimbals turn any rotor; else there is dual-rotor mode alone.
     """
 
     dual_thrust: Floats
@@ -41,6 +42,7 @@ class Hover:
     roll_moment_range: Floats
     roll_effort: Floats
     weight: float
+    vectored: bool = True
 
     @property
     def thrust_to_weight(self) -> float:
@@ -56,7 +58,9 @@ class Hover:
     def virtual_feasible(self) -> bool:
         """Whether the least-norm forces of eq 36 hover within the limits."""
         met = self.virtual_residual < _MET
-        return bool(met and np.all(self.virtual_thrust <= self.apparatus_max * (1 + 1e-9)))
+        return bool(
+            self.vectored and met and np.all(self.virtual_thrust <= self.apparatus_max * (1 + 1e-9))
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data for a program."""
@@ -84,10 +88,11 @@ class Hover:
 
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people."""
+        virtual = self._row("virtual-single-rotor", self.virtual_feasible, self.virtual_thrust,
+                            self.apparatus_max, self.virtual_residual)  # fmt: skip
         return [
             ("weight, thrust to weight", f"{self.weight:.2f} N, {self.thrust_to_weight:.2f}"),
-            self._row("virtual-single-rotor", self.virtual_feasible, self.virtual_thrust,
-                      self.apparatus_max, self.virtual_residual),
+            *([virtual] if self.vectored else []),
             self._row("dual-rotor", self.dual_feasible, self.dual_thrust,
                       self.thrust_max, self.dual_residual),
             ("moment of λ1 − λ2 on φ servo", self._servo()),
@@ -156,6 +161,7 @@ def analyze(robot: Robot, q: Floats) -> Hover:
         largest,
         effort,
         a.mass * 9.81,
+        bool(robot.gimbal_names),
     )
 
 
