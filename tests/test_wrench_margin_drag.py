@@ -131,6 +131,21 @@ def test_spins_that_differ_turn_a_straight_body(points, drag, rank):
         assert low * (1 - 1e-9) <= along <= high * (1 + 1e-6)
 
 
+def test_an_apparatus_with_room_is_one_whose_force_the_worst_twist_does_not_feel():
+    rng, with_room = np.random.default_rng(12), 0
+    for _ in range(12):
+        b = random_body(rng, 4)
+        m = margins_of(b)
+        for k, name in enumerate(SLICES):
+            twist = m.twists[1 + k] * np.r_[np.ones(3), np.full(3, 1.0 / LENGTH)]
+            speed = twist[:3] + np.cross(twist[3:], b.points) + b.drag[:, None] * twist[3:]
+            still = np.linalg.norm(speed, axis=1) < 1e-6 * np.linalg.norm(speed, axis=1).max()
+            full, room = m.saturated(name)
+            assert (full, room) == (list(np.flatnonzero(~still)), list(np.flatnonzero(still)))
+            with_room += int(still.any())
+    assert with_room > 2
+
+
 def test_an_impossible_hover_is_negative_by_its_distance():
     """The nearest forces by sequential quadratic programs: a convex problem."""
     b = random_body(np.random.default_rng(3), 3)
@@ -181,6 +196,7 @@ def test_gimbal_limits_that_bind_nothing_leave_the_margins():
 def test_narrow_gimbals_against_a_grid_of_forces():
     b = random_body(np.random.default_rng(6), 5)
     b.hover = np.r_[0, 0, 0.7 * F0, 0, 0, 0]
+    b.drag = np.array([0.3, -0.25, 0.2, -0.3, 0.25])
     m = margins_of(b, gimbal_limits=[0.8, 0.8], tolerance=1e-3)
     phi, theta = (x.ravel() for x in np.meshgrid(*[np.linspace(-0.8, 0.8, 41)] * 2))
     unit = np.c_[np.sin(theta), -np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)]
@@ -200,7 +216,7 @@ def test_narrow_gimbals_against_a_grid_of_forces():
         )
         sampled = -found.fun - e @ b.hover[part]
         assert sampled <= getattr(m, name) * (1 + 1e-9)
-        assert sampled >= getattr(m, name) * (1 - 1e-2)
+        assert sampled >= getattr(m, name) * (1 - 5e-3)
 
 
 def test_controller_failure_and_guarantee_take_the_drag():
@@ -231,7 +247,9 @@ def test_joint_limits_on_a_body_that_drags():
     bends = rng.normal(size=(2, 4, 3))
     given = b.points, b.limits, b.hover, bends, np.zeros(2)
     loose = vectored_joint_limited(*given, 1e4, drag=b.drag, **SCALES)
-    np.testing.assert_allclose(loose.force_bounds, margins_of(b).force_bounds, rtol=2e-3)
+    free = margins_of(b)
+    np.testing.assert_allclose(loose.force_bounds, free.force_bounds, rtol=2e-3)
+    assert (loose.free_force, loose.free_torque) == (free.force, free.torque)
     tight = vectored_joint_limited(*given, 20.0, drag=b.drag, **SCALES)
     assert tight.closed and tight.force < 0.95 * loose.force
     row, n = bends.reshape(2, 12), 4

@@ -9,6 +9,8 @@ from dragging_bodies import SLICES, searched
 from snakegen.analysis import wrench_margin
 from snakegen.analysis.allocation import allocation
 from snakegen.analysis.wrench_margin import vectored_margins
+from snakegen.control.controller import flight_controller
+from snakegen.kernels.chain import centre_of_gravity, forward
 from snakegen.kinetostatics.joint_loads import joint_loads
 from snakegen.kinetostatics.support import hold_up
 from snakegen.margins.inputs import force_map
@@ -17,6 +19,8 @@ from snakegen.robot import load
 from snakegen.spec_file import load_spec
 from snakegen.sweep.batch import NUMBERS, Body
 from snakegen.sweep.worker import work
+from snakegen.verify.margins_along import margins_along
+from snakegen.verify.missions.fail import margin_without
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +67,29 @@ def test_hover_of_single_rotors_balances_their_drag(single):
     np.testing.assert_allclose(torque.sum(axis=0), 0.0, atol=1e-8)
     total = held.wrenches.sum(axis=0)
     np.testing.assert_allclose(total[:3], held.forces.sum(axis=0), atol=1e-9)
+    rotation, position = forward(robot.tree, base, np.zeros(3), robot.angles(q))
+    arms = position - centre_of_gravity(robot.tree, rotation, position)[1]
+    about = held.wrenches[:, 3:] + np.cross(arms, held.wrenches[:, :3])
+    np.testing.assert_allclose(about.sum(axis=0), 0.0, atol=1e-8)
     assert np.linalg.norm((a.drag[:, None] * forces).sum(axis=0)) > 1.0
+
+
+def test_a_flight_counts_the_drag(single):
+    """Along a run, and of what a lost apparatus leaves: the margins of plain arrays."""
+    robot, q = single
+    a, controller = allocation(robot, q), flight_controller(robot, mode="virtual_single_rotor")
+    given = a.thrust_points, robot.gimbals.limit, a.hover_wrench
+    scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale, "drag": a.drag}
+    plan = SimpleNamespace(time=np.zeros(1), mode=None, failures=())
+    base, origin = robot.base_pose(q)
+    states = base[None], origin[None], robot.angles(q)[None]
+    found = margins_along(robot, controller, plan, [0], states)
+    m = vectored_margins(*given, tolerance=1e-2, wrench_starts=0, **scale)
+    assert found["force_margin"][0] == pytest.approx(m.force_bounds[0], rel=1e-9)
+    assert found["torque_margin"][0] == pytest.approx(m.torque_bounds[0], rel=1e-9)
+    left = np.where(np.arange(4) == 1, 0.0, robot.gimbals.limit)
+    expected = vectored_margins(a.thrust_points, left, a.hover_wrench, **scale).wrench
+    assert margin_without(robot, q, (1,)) == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_sweep_counts_the_drag(single):
