@@ -7,8 +7,18 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event
+from types import FrameType
 
 from snakegen.errors import SnakegenError
+
+INTERRUPTED = Event()
+
+
+def on_interrupt(signum: int, frame: FrameType | None) -> None:
+    """Raises KeyboardInterrupt and keeps in mind that it did: imports of others may swallow it."""
+    INTERRUPTED.set()
+    raise KeyboardInterrupt
 
 
 def _reason(error: OSError) -> str:
@@ -69,6 +79,8 @@ def folder_whole(target: Path) -> Iterator[Path]:
         raise SnakegenError(f"{target}: cannot be written ({_reason(error)}).") from None
     try:
         yield beside
+        if INTERRUPTED.is_set():
+            raise KeyboardInterrupt
         _move_in(beside, target)
     except OSError as error:
         raise SnakegenError(f"{target}: cannot be written ({_reason(error)}).") from None

@@ -1,5 +1,6 @@
 """The command line as people and programs meet it: exit codes, streams, JSON alone, examples."""
 
+import contextlib
 import json
 import os
 import re
@@ -16,6 +17,7 @@ from click.testing import CliRunner
 from snakegen import __version__
 from snakegen.analysis import catalogue
 from snakegen.cli import cli
+from snakegen.files import INTERRUPTED, folder_whole, on_interrupt
 from snakegen.robot import load
 from snakegen.spec_file import presets
 
@@ -152,6 +154,17 @@ def test_a_failed_check_exits_3(run, monkeypatch: pytest.MonkeyPatch) -> None:
     found = run("build", "dragon4", "--no-picture")
     assert found.code == 3 and found.out == ""
     assert found.err.startswith("Error: dragon4: URDF and MJCF disagree by")
+
+
+def test_a_swallowed_ctrl_c_still_leaves_the_folder_as_it_was(tmp_path: Path) -> None:
+    """Some libraries catch everything while they are imported, Ctrl-C too."""
+    (tmp_path / "out").mkdir()
+    with pytest.raises(KeyboardInterrupt), folder_whole(tmp_path / "out") as beside:
+        (beside / "new.txt").write_text("x")
+        with contextlib.suppress(KeyboardInterrupt):
+            on_interrupt(signal.SIGINT, None)
+    INTERRUPTED.clear()
+    assert list((tmp_path / "out").iterdir()) == [] and len(list(tmp_path.iterdir())) == 1
 
 
 def test_ctrl_c_and_a_closed_pipe(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import click
 
 from snakegen import __version__
 from snakegen.errors import SnakegenError
+from snakegen.files import INTERRUPTED, on_interrupt
 
 _COMMANDS = {
     "presets": ("snakegen.cli.presets", "List the presets, one line each."),
@@ -80,7 +81,9 @@ def cli() -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; a user's mistake is one line on stderr and exit code 1."""
     # a kill asks to stop as Ctrl-C does: work folders are cleared on the way out
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    INTERRUPTED.clear()
+    for asked in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(asked, on_interrupt)
     try:
         code = cli.main(args=arguments, standalone_mode=False, prog_name="snakegen")
         sys.stdout.flush()

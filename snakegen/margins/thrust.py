@@ -207,7 +207,7 @@ def thrust_margins(
         columns,
         0.5 * (high - low)[live],
         0.5 * (high + low)[live],
-        np.ascontiguousarray(wrench),
+        np.array(wrench, order="C"),  # one that can be written: else a compile of its own
         scale,
         margins,
         normals,
