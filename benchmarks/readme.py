@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-SCRIPTS = ("margins.py", "sweep.py", "flight_speed.py", "log.py", "control.py", "statics.py")
+SCRIPTS = ("margins.py", "sweep.py", "flight_speed.py", "log.py", "screw.py --only speed")
 BEGIN, END = "<!-- speeds: begin -->", "<!-- speeds: end -->"
 FOLDER = Path(__file__).parent
 
