@@ -14,7 +14,7 @@ from snakegen.errors import MissionError
 from snakegen.kernels.control_types import Measured, Target
 from snakegen.log import read, write
 from snakegen.verify.clearance import clearances
-from snakegen.verify.loop import fly, rotation_of
+from snakegen.verify.loop import STRETCH, fly, rotation_of
 from snakegen.verify.missions.hover import plan as hover
 from snakegen.verify.missions.transform import plan as transform
 from snakegen.verify.plan import Failure
@@ -189,7 +189,7 @@ def test_an_interruption_keeps_a_readable_log(dragon4, tmp_path):
 
     recording = run(dragon4, "hover", options={"duration": 2.0}, progress=interrupt)
     assert recording.meta["stopped"].startswith("interrupted at 0.")
-    assert 60 <= len(recording.time) < 400
+    assert len(recording.time) == round(200 * STRETCH)  # up to the look that saw it
     assert not recording.verdict.passed
     write(recording, tmp_path / "cut.rrd")
     back = read(tmp_path / "cut.rrd")
