@@ -130,6 +130,9 @@ class Control(Part):
     vibration_bandwidth: Positive = Field(
         5.0, description="Hz, up to which elastic modes are damped (assumed: motors lag beyond)"
     )
+    rate_filter: NonNegative = Field(
+        0.0, description="Hz, cut-off of the low-pass on measured body rates; 0: none"
+    )
     gains: str = Field("paper", description="the gain set used unless asked otherwise")
     gain_sets: dict[str, GainSet] = Field({"paper": GainSet()}, description="gains by name")
 
@@ -137,6 +140,12 @@ class Control(Part):
     def _known(self) -> "Control":
         if self.gains not in self.gain_sets:
             raise ValueError(f"gains: '{self.gains}' is none of {list(self.gain_sets)}")
+        half = 0.5 * self.attitude_rate
+        if not self.rate_filter < half:
+            raise ValueError(
+                f"rate_filter: {self.rate_filter:g} Hz; below {half:g} Hz, half the "
+                "attitude_rate, would do"
+            )
         return self
 
 

@@ -26,12 +26,14 @@ class Control:
         loops: by gain set and mode, six axes each.
         own: gain set and mode in use.
         lag, delay: s, that the loops contain.
+        rate_filter: Hz, of the low-pass on body rates that they contain; 0: none.
     """
 
     loops: dict[tuple[str, str], tuple[Loop, ...]]
     own: tuple[str, str]
     lag: float
     delay: float
+    rate_filter: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data; a delay margin without end is null."""
@@ -50,6 +52,7 @@ class Control:
         return {
             "lag_s": self.lag,
             "delay_s": self.delay,
+            "rate_filter_hz": self.rate_filter,
             "gains": self.own[0],
             "mode": self.own[1],
             "loops": found,
@@ -58,6 +61,8 @@ class Control:
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people: slowest pole and delay margin of each axis."""
         out = [("motor lag, delay", f"{1e3 * self.lag:.0f} ms, {1e3 * self.delay:.0f} ms")]
+        if self.rate_filter > 0.0:
+            out.append(("low-pass on body rates", f"{self.rate_filter:g} Hz"))
         for (gains, mode), loops in self.loops.items():
             mark = " (flown)" if (gains, mode) == self.own else ""
             out.append((f"gains {gains}{mark}", mode.replace("_", "-")))
@@ -103,4 +108,4 @@ def analyze(
         for mode, number in modes.items():
             controller = flight_controller(robot, gains, mode=mode)
             found[name, mode] = flight_loops(controller, gains, number, lag=slow, delay=late)
-    return Control(found, own, slow, late)
+    return Control(found, own, slow, late, float(control.get("rate_filter", 0.0)))

@@ -59,7 +59,9 @@ class Controller:
         if gimbals is not None:
             turns[:] = gimbals
         none = np.full((2, self.apparatuses, 3), np.nan)
-        return State(np.zeros(3), np.zeros(3), turns, float(self.mode), 0, none)
+        return State(
+            np.zeros(3), np.zeros(3), turns, float(self.mode), 0, none, np.full((2, 3), np.nan)
+        )
 
     def tick(
         self,
@@ -136,6 +138,7 @@ def law_of(
     joints: Any = (),
     joint_limit: Any = (),
     internal_time: Sequence[float] = INTERNAL_TIME,
+    rate_filter: float = 0.0,
 ) -> Law:
     """Returns the kernels' form of gains and options; names as in `kernels.control_types.Law`."""
     n = int(gimbals.limit.size)
@@ -162,6 +165,8 @@ def law_of(
         np.array(joints, np.int64),
         np.array(joint_limit, float),
         np.array(internal_time, float),
+        np.ones((2, 3)),
+        float(rate_filter),
     )
 
 
@@ -226,7 +231,8 @@ def flight_controller(
     body, turn = _axes_body(robot, axes)
     lower, upper = _gimbal_limits(robot)
     bodies, torque = _joint_limits(robot)
-    options = {"sigma_min": float(control.get("sigma_min", 0.02))} | options
+    told = {"sigma_min": 0.02, "rate_filter": 0.0}
+    options = {k: float(control.get(k, v)) for k, v in told.items()} | options
     law = law_of(
         gain_set(robot, gains),
         robot.gimbals,

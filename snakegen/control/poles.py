@@ -1,8 +1,9 @@
 """Closed-loop poles and delay margins of the linearised flight loops, one axis at a time.
 
 At hover the inertia in eq 17 and the allocation cancel the body, so each axis is a double
-integrator under its PID law, behind the motors' lag and a delay (Padé). In dual-rotor mode x and y
-go through the attitude loop (k_θ, k_φ) and the gimbals (k_θi, k_φi), eqs 23-28.
+integrator under its PID law, behind the motors' lag and a delay (Padé). Attitude loops have the
+low-pass on body rates in their D part. In dual-rotor mode x and y go through the attitude loop
+(k_θ, k_φ) and the gimbals (k_θi, k_φi), eqs 23-28.
 """
 
 from collections.abc import Callable
@@ -62,7 +63,14 @@ def flight_loops(
 ) -> tuple[Loop, ...]:
     """Returns the six loops of a robot's controller in a mode; see `loops`."""
     vectoring = tuple(gains.vectoring(controller.apparatuses).mean(axis=0))
-    return loops(gains, mode, lag=lag, delay=delay, vectoring=(vectoring[0], vectoring[1]))
+    return loops(
+        gains,
+        mode,
+        lag=lag,
+        delay=delay,
+        vectoring=(vectoring[0], vectoring[1]),
+        rate_filter=controller.law.rate_filter,
+    )
 
 
 def loops(
@@ -73,6 +81,7 @@ def loops(
     delay: float = 0.0,
     vectoring: tuple[float, float] | None = None,
     integral: bool = True,
+    rate_filter: float = 0.0,
 ) -> tuple[Loop, ...]:
     """Returns the closed loops of x, y, z, roll, pitch, yaw.
 
@@ -84,6 +93,7 @@ def loops(
         vectoring: mean k_φi and k_θi over the apparatuses (thrusts shared equally); taken from
             `gains` if not given. (0, 0) leaves the attitude alone to move x and y.
         integral: False leaves the integral terms out.
+        rate_filter: Hz, cut-off of the second-order Butterworth low-pass on body rates; 0: none.
     """
     if vectoring is None:
         means = [float(np.mean(v)) for v in (gains.vectoring_roll, gains.vectoring_pitch)]
@@ -94,12 +104,12 @@ def loops(
     out = []
     for i, axis in enumerate(AXES):
         row = force[:, i] if i < 3 else torque[:, i - 3]
-        system = _single(row, lag)
+        system = _single(row, lag, rate_filter if i >= 3 else 0.0)
         if mode != VIRTUAL and i < 2:  # x tilts by pitch (torque y), y by roll (torque x)
             vector = vectoring[1 - i]
-            system = _single(vector * row, lag)
+            system = _single(vector * row, lag, 0.0)
             if tilts[i] != 0.0:
-                system = _cascade(row, torque[:, 1 - i], tilts[i], vector, lag)
+                system = _cascade(row, torque[:, 1 - i], tilts[i], vector, lag, rate_filter)
         out.append(Loop(axis, _poles(system(delay)), _delay_margin(system, delay)))
     return tuple(out)
 
@@ -109,16 +119,25 @@ def _actuator(lag: float, delay: float) -> tuple[Polynomial, Polynomial]:
     return top, bottom * (1.0 + lag * S)
 
 
-def _pid(row: Floats) -> tuple[Polynomial, Polynomial]:
-    """Returns numerator and denominator of ``K_p + K_i / s + K_d s``."""
+def _pid(row: Floats, cutoff: float = 0.0) -> tuple[Polynomial, Polynomial, Polynomial]:
+    """Returns numerators of ``C = K_p + K_i/s + K_d s L(s)`` and of its ``K_p + K_i/s``.
+
+    Their denominator comes last; L is the low-pass, ``ω² / (s² + √2 ω s + ω²)``, 1 for a cut-off
+    of 0.
+    """
+    low = Polynomial([1.0])
+    if cutoff > 0.0:
+        w = 2.0 * np.pi * cutoff
+        low = Polynomial([1.0, np.sqrt(2.0) / w, 1.0 / w**2])
     if row[1] == 0.0:
-        return row[2] * S + row[0], Polynomial([1.0])
-    return row[2] * S**2 + row[0] * S + row[1], S
+        return row[2] * S + row[0] * low, row[0] * low, low
+    slow = (row[0] * S + row[1]) * low
+    return row[2] * S**2 + slow, slow, S * low
 
 
-def _single(row: Floats, lag: float) -> Callable[[float], Polynomial]:
+def _single(row: Floats, lag: float, cutoff: float) -> Callable[[float], Polynomial]:
     """Returns the characteristic polynomial of ``s² + H C`` as a function of the delay."""
-    top_c, bottom_c = _pid(row)
+    top_c, _, bottom_c = _pid(row, cutoff)
 
     def system(delay: float) -> Polynomial:
         top, bottom = _actuator(lag, delay)
@@ -128,20 +147,20 @@ def _single(row: Floats, lag: float) -> Callable[[float], Polynomial]:
 
 
 def _cascade(
-    outer: Floats, inner: Floats, tilt: float, vector: float, lag: float
+    outer: Floats, inner: Floats, tilt: float, vector: float, lag: float, cutoff: float
 ) -> Callable[[float], Polynomial]:
     """Returns that of ``s² + (k T(s) + v H(s)) C(s)``, T the attitude loop, H the actuators.
 
-    The target's rate is not fed forward: ``T = H (K_p + K_i/s) / (s² + H (K_p + K_i/s + K_d s))``.
+    The target's rate is not fed forward:
+    ``T = H (K_p + K_i/s) / (s² + H (K_p + K_i/s + K_d s L))``.
     """
-    top_f, bottom_f = _pid(outer)
-    top_t, bottom_t = _pid(inner)
+    top_f, _, bottom_f = _pid(outer)
+    top_t, slow_t, bottom_t = _pid(inner, cutoff)
 
     def system(delay: float) -> Polynomial:
         top, bottom = _actuator(lag, delay)
         below = S**2 * bottom * bottom_t + top * top_t
-        above = top * (inner[0] * bottom_t + inner[1])
-        reach = tilt * above * bottom + vector * top * below
+        reach = tilt * top * slow_t * bottom + vector * top * below
         return S**2 * bottom * bottom_f * below + reach * top_f
 
     return system

@@ -65,6 +65,8 @@ class Law(NamedTuple):
     joints: Ints  # (k,) bodies moved by the joints whose torque the constrained allocator bounds
     joint_limit: Floats  # (k,) N m
     internal_time: Floats  # (2,) s, in which internal forces follow joints' and thrusts' limits
+    integral_rate: Floats  # (2, 3) times faster ∫e_r and ∫e_R run: 1, more while trimming
+    rate_filter: float  # Hz, cut-off of the low-pass on measured body rates; 0: none
 
 
 class State(NamedTuple):
@@ -76,6 +78,7 @@ class State(NamedTuple):
     blend: float  # 0 dual-rotor mode … 1 virtual-single-rotor mode
     saturated: int  # 1 when the last command met a limit
     internal: Floats  # (2, Ñ, 3) N, link axes, for joints' limits and all; NaN: none yet
+    rates: Floats  # (2, 3) memory of the low-pass on body rates; NaN: none yet
 
 
 class Command(NamedTuple):
@@ -101,6 +104,7 @@ def copied(state: State) -> State:
         state.blend,
         state.saturated,
         state.internal.copy(),
+        state.rates.copy(),
     )
 
 
@@ -114,4 +118,5 @@ def with_flags(state: State, blend: float, saturated: int) -> State:
         blend,
         saturated,
         state.internal,
+        state.rates,
     )

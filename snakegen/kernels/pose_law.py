@@ -11,6 +11,7 @@ from snakegen.kernels.chain import (
 )
 from snakegen.kernels.control_types import Body, Law, Measured, State, Target
 from snakegen.kernels.linear import cross_into, matmul_into, turn_back_into, turn_into
+from snakegen.kernels.low_pass import low_pass
 from snakegen.kernels.tree import Floats, Tree
 from snakegen.kernels.underactuated import between_into, horizontal, tilted_target_into
 
@@ -28,13 +29,15 @@ def attitude_error_into(rotation: Floats, wanted: Floats, error: Floats) -> None
 
 
 @bare
-def integrate(integral: Floats, error: Floats, dt: float, limit: Floats, held: int) -> None:
-    """Adds `error` over `dt` to the integral (3,) in place, within ±`limit`.
+def integrate(
+    integral: Floats, error: Floats, dt: float, rate: Floats, limit: Floats, held: int
+) -> None:
+    """Adds `error` over `dt`, times `rate` (3,), to the integral (3,) in place, within ±`limit`.
 
     While an actuator is saturated (`held`) it may only shrink: the anti-windup rule.
     """
     for k in range(3):
-        grown = integral[k] + error[k] * dt
+        grown = integral[k] + error[k] * rate[k] * dt
         if held and abs(grown) > abs(integral[k]):
             grown = integral[k]
         integral[k] = min(max(grown, -limit[k]), limit[k])
@@ -182,12 +185,15 @@ def pose_wrench(
     inertia, speed, angular = scratch((3, 3)), scratch(3), scratch(3)
     force, error, wanted = scratch(3), scratch(3), scratch((3, 3))
     mass = locate(tree, law, measured, body, inertia, speed, angular)
+    if law.rate_filter > 0.0:
+        low_pass(angular, state.rates, law.rate_filter, dt)
     for k in range(3):
         error[k] = target.position[k] - body.cog[k]
         for i in range(3):
             wanted[k, i] = target.rotation[k, i]
     held = state.saturated
-    integrate(state.force_integral, error, force_dt, law.force_integral_limit, held)
+    rate, limit = law.integral_rate, law.force_integral_limit
+    integrate(state.force_integral, error, force_dt, rate[0], limit, held)
     desired_force_into(
         mass,
         body.cog,
@@ -208,7 +214,7 @@ def pose_wrench(
         )
         between_into(target.rotation, leaning, 1.0 - share, wanted)
     attitude_error_into(body.axes, wanted, error)
-    integrate(state.torque_integral, error, dt, law.torque_integral_limit, held)
+    integrate(state.torque_integral, error, dt, rate[1], law.torque_integral_limit, held)
     turn_back_into(body.axes, force, wrench[:3])
     desired_torque_into(
         inertia,

@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from snakegen.verify.recording import Recording
+from snakegen.verify.vibration_metrics import SHAKING
 
 # Tracking errors that ZN23 prints: position x y z [m], attitude roll pitch yaw [rad].
 TABLES: dict[tuple[str, str], tuple[str, tuple[float, ...]]] = {
@@ -51,7 +54,7 @@ def flight_report(recording: Recording) -> str:
     """Returns the markdown of a judged flight; tables of what it has, nothing of what it lacks."""
     meta, found = recording.meta, recording.metrics
     parts = [_head(meta), _checks(recording), _tracking(meta, found), _numbers(found)]
-    parts += [_push(meta, found), _loss(meta), _plant(meta)]
+    parts += [_elastic(meta, found), _push(meta, found), _loss(meta), _plant(meta)]
     return "\n\n".join(p for p in parts if p)
 
 
@@ -101,6 +104,28 @@ def _tracking(meta: dict[str, Any], found: dict[str, Any]) -> str:
 def _numbers(found: dict[str, Any]) -> str:
     rows = [(label, _text(found[key]), unit) for key, label, unit in _SHOWN if key in found]
     return "### On the way\n\n" + table(("", "value", "unit"), rows) if rows else ""
+
+
+def _elastic(meta: dict[str, Any], found: dict[str, Any]) -> str:
+    """Tells which frequency of bending links matters: where the body's rates shake most."""
+    modes = meta.get("modal_frequencies_hz")
+    if not modes:
+        return ""
+    text = "Natural frequencies: " + ", ".join(f"{f:.2f}" for f in modes) + " Hz."
+    peak, cutoff = found.get("body_rate_peak_hz"), float(meta.get("rate_filter_hz", 0.0))
+    if peak:
+        near = min(modes, key=lambda f: abs(f - peak))
+        ripple = found["body_rate_ripple_rad_s"]
+        text += (
+            f" The body's rates shake most at {peak:.1f} Hz ({ripple:.2g} rad/s RMS above "
+            f"{SHAKING:g} Hz); the nearest mode is at {near:.2f} Hz."
+        )
+        if cutoff > 0.0:
+            left = 1.0 / np.sqrt(1.0 + (peak / cutoff) ** 4)
+            text += f" A low-pass of {cutoff:g} Hz leaves {100 * left:.0f} % of it to the law."
+        else:
+            text += " There is no low-pass on them (control.rate_filter)."
+    return "### Elastic links\n\n" + text
 
 
 def _push(meta: dict[str, Any], found: dict[str, Any]) -> str:

@@ -181,6 +181,7 @@ def prepare(
         "allocator": allocator,
         "ideal": ideal,
         "vibration_damping": damping.gain,
+        "rate_filter_hz": controller.law.rate_filter,
         "planned_s": float(plan.time[-1]),
         "facts": plan.facts,
         "obstacles": [vars(b) for b in plan.obstacles],
