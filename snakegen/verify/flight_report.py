@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.verify.recording import Recording
+from snakegen.verify.trim import said as said_of
 from snakegen.verify.vibration_metrics import SHAKING
 
 # Tracking errors that ZN23 prints: position x y z [m], attitude roll pitch yaw [rad].
@@ -69,6 +70,10 @@ def _head(meta: dict[str, Any]) -> str:
     options = {k: v for k, v in meta.get("options", {}).items() if v is not None}
     if options:
         text += " Options: " + ", ".join(f"{k} {v}" for k, v in options.items()) + "."
+    if meta.get("trim_s"):
+        text += f"\n\nTrimmed in hover for {meta['trim_s']:g} s before t = 0; figures begin there."
+        if "trim" in meta:
+            text += f" At t = 0 the {said_of(meta['trim'])}."
     if meta.get("stopped"):
         text += f"\n\n**The run ended early: {meta['stopped']}.**"
     return text

@@ -5,7 +5,7 @@ interruptions, failures that become known, and progress.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import mujoco
@@ -21,6 +21,7 @@ from snakegen.verify import wiring
 from snakegen.verify.interrupt import noted
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Draw, Imperfections
+from snakegen.verify.trim import found, integral_rates, told
 from snakegen.verify.vibration import OFF, Damping, damper, modal_filter
 from snakegen.verify.world import World
 
@@ -43,6 +44,7 @@ class Flown:
         events: (time, level, text).
         stopped: "" or why the run ended early.
         frame: (3, 3) attitude of the CoG frame at the start.
+        trimmed: what the integrals held when trimming ended; empty where nothing was trimmed.
     """
 
     ticks: int
@@ -60,6 +62,7 @@ class Flown:
     events: list[tuple[float, str, str]]
     stopped: str
     frame: Floats
+    trimmed: dict[str, Any] = field(default_factory=dict)
 
 
 def fly(
@@ -110,6 +113,7 @@ def fly(
     refused = run.rows.status[:k] == REFUSED
     begun = np.flatnonzero(refused & ~np.append(False, refused[:-1]))
     events += [(float(plan.time[i]), "WARN", "σ_min below the threshold") for i in begun]
+    events += told(plan, controller.law, run.trimmed)
     return _flown(run, k, events, stopped)
 
 
@@ -138,6 +142,9 @@ class _Run:
         mujoco.mj_forward(world.model, data)
         self.frame = _frame(world, controller, data)
         self.state = controller.start(gimbals)
+        self.trimmed: dict[str, Any] = {}
+        if plan.trim:
+            self.controller = controller.with_law(integral_rate=integral_rates(controller.law))
         self.damper, self.modes = damper(world, controller, damping, data.qpos)
         self.plant = wiring.plant(world, plan, imperfections, dt, position_rate)
         self.wires = wiring.wiring(world, plan)
@@ -181,7 +188,12 @@ class _Run:
 
     def stretch(self, first: int, last: int) -> tuple[int, str, str]:
         """Flies ticks `first` … `last` − 1; returns the next tick, why it stopped, and a level."""
-        time = self.plan.time
+        time, trim = self.plan.time, self.plan.trim
+        if 0 < trim == first:
+            self.trimmed = found(self.controller.law, self.state)
+            self.controller = self.controller.with_law(integral_rate=np.ones((2, 3)))
+        elif first < trim < last:
+            last = trim
         for failure in self.plan.failures:
             known = int(np.searchsorted(time, failure.detected - 1e-9))
             if known == first:
@@ -253,6 +265,7 @@ def _flown(run: _Run, k: int, events: list[tuple[float, str, str]], stopped: str
         sorted(events),
         stopped,
         run.frame,
+        run.trimmed,
     )
 
 

@@ -19,6 +19,7 @@ from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Imperfections, draw
 from snakegen.verify.record import record
 from snakegen.verify.recording import Recording
+from snakegen.verify.trim import trimmed
 from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
 from snakegen.verify.vibration import OFF, Damping, check_redundancy, hinges
 from snakegen.verify.world import World, make_world
@@ -132,6 +133,8 @@ class Ready:
             "stopped": flown.stopped,
             "metrics_window_s": [window[0], min(window[1], float(plan.time[flown.ticks - 1]))],
         }
+        if flown.trimmed:
+            meta["trim"] = flown.trimmed
         if imperfections.link_stiffness > 0:
             modes = modal_frequencies(world.model, flown.qpos[0])
             meta["modal_frequencies_hz"] = [round(float(f), 3) for f in modes]
@@ -163,8 +166,11 @@ def prepare(
         given["file"] = name
     if "allocator" in module.OPTIONS:
         given["allocator"] = allocator
-    plan: Plan = module.plan(robot, rate, **given)
+    plan: Plan = module.plan(robot, rate, **{k: v for k, v in given.items() if k != "trim"})
     check_references(robot, plan)
+    if "trim" in module.OPTIONS:
+        usual = 0.0 if plan.on_floor else module.OPTIONS["trim"][0]
+        plan = trimmed(plan, usual if given.get("trim") is None else float(given["trim"]))
     check_start(robot, controller, plan, force=bool(given.get("force")))
     damping = Damping.of(control)
     if damping.gain > 0.0:
@@ -183,6 +189,7 @@ def prepare(
         "vibration_damping": damping.gain,
         "rate_filter_hz": controller.law.rate_filter,
         "planned_s": float(plan.time[-1]),
+        "trim_s": plan.trim / rate,
         "facts": plan.facts,
         "obstacles": [vars(b) for b in plan.obstacles],
     }

@@ -1,8 +1,9 @@
 """Missions, found by folder: every module here is one.
 
 A mission has a docstring whose first line says what it shows, ``applies(robot) -> bool`` whose
-docstring says what it needs, ``OPTIONS`` (literal: name → [default, help]) and
-``plan(robot, rate, **options) -> Plan`` with `rate` the ticks per second. It may have
+docstring says what it needs, ``OPTIONS`` (name → [default, help]) and
+``plan(robot, rate, **options) -> Plan`` with `rate` the ticks per second. An option `trim` is not
+passed on: a hover of that many seconds is flown before the plan (`trim.trimmed`). It may have
 ``metrics(recording) -> dict``, numbers of its own, and ``gains(gains) -> Gains``, if it has to fly
 with others than the robot's. What is no aerial flight (an arm, a drive) has, instead of `plan`,
 ``fly(robot, *, seed, ideal, options, progress) -> Recording`` that returns the judged recording.

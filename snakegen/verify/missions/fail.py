@@ -8,6 +8,7 @@ from snakegen.errors import MissionError, near
 from snakegen.robot import Robot
 from snakegen.verify.plan import Failure, Plan, holding, ticks
 from snakegen.verify.postures import place, resting_joints
+from snakegen.verify.trim import OPTION as TRIM
 
 OPTIONS = {
     "lost": ["apparatus2", "rotor by its link's name, or apparatus by its number"],
@@ -16,6 +17,7 @@ OPTIONS = {
     "duration": [10.0, "s"],
     "height": [2.0, "m, of the CoG"],
     "posture": [None, "posture file; a bent body by default"],
+    "trim": TRIM,
 }
 
 

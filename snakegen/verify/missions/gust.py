@@ -9,6 +9,7 @@ from snakegen.robot import Robot
 from snakegen.verify.plan import Plan, holding, ticks
 from snakegen.verify.postures import place, resting_joints
 from snakegen.verify.recording import Recording
+from snakegen.verify.trim import OPTION as TRIM
 from snakegen.verify.wind import one_minus_cosine
 
 OPTIONS = {
@@ -20,6 +21,7 @@ OPTIONS = {
     "duration": [10.0, "s"],
     "height": [1.5, "m, of the CoG"],
     "posture": [None, "posture file; a bent body by default"],
+    "trim": TRIM,
 }
 _AT = 2.0  # s, when it begins
 
@@ -81,6 +83,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
 
     end = float(recording.meta["facts"]["gust_end_s"])
     time, error = recording.times("position"), np.linalg.norm(position_error(recording), axis=1)
+    time, error = time[time >= 0.0], error[time >= 0.0]  # from the mission's start on
     after = np.flatnonzero((time > end) & (error > 0.05))
     back = float(time[after[-1]] - end) if after.size else 0.0
     lost = after.size and after[-1] == len(time) - 1

@@ -7,11 +7,13 @@ import numpy as np
 from snakegen.robot import Robot
 from snakegen.verify.plan import Plan, holding, ticks
 from snakegen.verify.postures import place, resting_joints
+from snakegen.verify.trim import OPTION as TRIM
 
 OPTIONS = {
     "duration": [10.0, "s"],
     "height": [1.5, "m, of the CoG"],
     "posture": [None, "posture file; a bent body by default"],
+    "trim": [0.0, TRIM[1]],
 }
 
 

@@ -15,10 +15,12 @@ from snakegen.geometry import Floats, rotation_from_rpy, unskew
 from snakegen.robot import Robot
 from snakegen.verify.plan import Plan, holding, through, ticks
 from snakegen.verify.postures import driven_joints, place, resting_joints
+from snakegen.verify.trim import OPTION as TRIM
 
 OPTIONS = {
     "file": [None, "mission file (YAML)"],
     "duration": [None, "s; two seconds after the last waypoint by default"],
+    "trim": TRIM,
 }
 _KEYS = ("time", "position", "rpy", "joints")
 

@@ -12,11 +12,13 @@ from snakegen.geometry import Floats
 from snakegen.robot import Robot
 from snakegen.verify.plan import Box, Plan, holding, knots_for, through, ticks
 from snakegen.verify.postures import bent, driven_joints, extent, place, slim
+from snakegen.verify.trim import OPTION as TRIM
 
 OPTIONS = {
     "gap": [0.12, "m, room on each side of the slim body"],
     "speed": [0.4, "m/s, mean, through the opening"],
     "rate_limit": [0.31, "rad/s, fastest joint"],
+    "trim": TRIM,
 }
 _SETTLE = 2.0  # s, of hover between the parts
 _WALL = 0.05  # m, half its thickness

@@ -10,6 +10,7 @@ from snakegen.robot import Robot
 from snakegen.verify.plan import Plan, holding, ticks
 from snakegen.verify.postures import place, resting_joints
 from snakegen.verify.recording import Recording
+from snakegen.verify.trim import OPTION as TRIM
 
 OPTIONS = {
     "size": [0.5, "m, step of x, y and z"],
@@ -17,6 +18,7 @@ OPTIONS = {
     "hold": [6.0, "s, after each step"],
     "height": [1.5, "m, of the CoG"],
     "posture": [None, "posture file; a bent body by default"],
+    "trim": TRIM,
 }
 _FIRST = 1.0  # s, before the first step
 _BAND = 0.05  # share of the step within which it counts as settled

@@ -10,6 +10,7 @@ from snakegen.robot import Robot
 from snakegen.verify.plan import Plan, holding, ticks
 from snakegen.verify.postures import place, resting_joints
 from snakegen.verify.recording import Recording
+from snakegen.verify.trim import OPTION as TRIM
 
 OPTIONS = {
     "at": [3.0, "s, of the first change"],
@@ -18,6 +19,7 @@ OPTIONS = {
     "height": [1.5, "m, of the CoG"],
     "posture": [None, "posture file; a bent body by default"],
     "force": [False, "change even where the rank test refuses"],
+    "trim": TRIM,
 }
 _NAMES = ("dual-rotor mode", "virtual-single-rotor mode")
 

@@ -7,12 +7,14 @@ from snakegen.geometry import Floats
 from snakegen.robot import Robot
 from snakegen.verify.plan import Plan, knots_for, level, through
 from snakegen.verify.postures import bent, driven_joints, place, resting_height
+from snakegen.verify.trim import OPTION as TRIM
 
 OPTIONS = {
     "duration": [None, "s; as long as the motion needs by default"],
     "rise": [1.0, "m, that the CoG ascends during the motion"],
     "rate_limit": [0.31, "rad/s, fastest joint (ZN23 5.2.2: 0.31)"],
     "floor": [False, "start at rest on the floor, not in the air"],
+    "trim": TRIM,
 }
 _SETTLE = 2.0  # s, of hover before and after
 
