@@ -1,7 +1,6 @@
 """`snakegen analyze flight`: a verification run in MuJoCo, logged to rerun."""
 
 import os
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +11,12 @@ from snakegen.cli.options import (
     at_least,
     check_ending,
     json_option,
-    note,
     print_json,
     print_rows,
     robot_options,
     rollers_option,
 )
+from snakegen.cli.outcome import progress_bar, result_json, result_lines
 
 
 @click.command()
@@ -103,7 +102,8 @@ def flight(
     chosen = mission_options(mission, machine, options, duration)
     at_once = min(trials or 1, workers or os.cpu_count() or 1)
     refuse_too_long(machine, chosen.get("duration") or 0.0, at_once)
-    path = Path(out) if out else Path("generated") / machine.name / f"{mission}.rrd"
+    # a mission file's own folder and ending are no part of the log's name
+    path = Path(out) if out else Path("generated") / machine.name / f"{Path(mission).stem}.rrd"
     meshes = mesh_folder(machine, path)
     if machine.path is None and machine.modules.screws:
         meshes = drum_folder(source.spec())
@@ -150,12 +150,16 @@ def _list_missions(robot: Any) -> int:
 
 
 def _list_options(name: str, robot: Any) -> int:
-    """Prints the options of a mission with their defaults."""
+    """Prints the options of a mission with their defaults, then what its docstring adds."""
     from snakegen.verify.missions import mission as find
 
-    options = getattr(find(name, robot), "OPTIONS", {})
+    module = find(name, robot)
+    options = getattr(module, "OPTIONS", {})
     rows = [(f"{k}={'' if v is None else v}", about) for k, (v, about) in options.items()]
     print_rows(f"options of mission {name}", rows or [("", "none")])
+    more = (module.__doc__ or "").partition("\n")[2].strip()
+    if more:
+        click.echo(f"\n{more}")
     return 0
 
 
@@ -217,65 +221,3 @@ def drum_folder(spec: Any) -> Path:
     made = Path(click.get_current_context().with_resource(TemporaryDirectory()))
     write_meshes(made / "meshes", unit_meshes() | drum_meshes(spec.resolved()))
     return made
-
-
-def result_json(recording: Any, path: Path) -> dict[str, Any]:
-    """Returns what --json prints: metrics, verdict and where the log is."""
-    judged = recording.verdict
-    told = ("robot", "mission", "seed", "mode", "gains", "allocator", "ideal", "stopped")
-    keep = (*told, "modal_frequencies_hz")
-    return (
-        {k: recording.meta[k] for k in keep if k in recording.meta}
-        | recording.metrics
-        | {
-            "log": str(path),
-            "verdict": judged.to_json() if judged else None,
-            "passed": bool(judged and judged.passed),
-        }
-    )
-
-
-def result_lines(recording: Any, path: Path) -> list[str]:
-    """Returns what a person reads: the checks, the log, and the verdict last."""
-    lines = [f"log: {path}"]
-    if recording.meta.get("stopped"):
-        lines.append(f"ended early: {recording.meta['stopped']}")
-    modes = recording.meta.get("modal_frequencies_hz")
-    if modes:
-        shown = ", ".join(f"{f:.2f}" for f in modes[:6])
-        lines.append(f"elastic links: natural frequencies {shown} … Hz")
-    judged = recording.verdict
-    if judged is None:
-        return [*lines, "verdict: none"]
-    lines += [f"  {check.line()}" for check in judged.checks]
-    return [*lines, f"verdict: {judged.summary()}"]
-
-
-class progress_bar:
-    """A progress bar on stderr with an estimate; silent when stderr is no terminal."""
-
-    def __init__(self, title: str) -> None:
-        self.title = title
-        self.bar: Any = None
-
-    def __enter__(self) -> Any:
-        if not sys.stderr.isatty():
-            return None
-        from rich.console import Console
-        from rich.progress import Progress
-
-        self.bar = Progress(console=Console(stderr=True), transient=True)
-        self.bar.start()
-        task = self.bar.add_task(self.title, total=1)
-
-        def step(done: int, total: int) -> None:
-            self.bar.update(task, completed=done, total=total)
-
-        return step
-
-    def __exit__(self, *_: Any) -> None:
-        if self.bar is not None:
-            self.bar.stop()
-
-
-__all__ = ["flight", "note"]

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import click
 
-from snakegen.cli.flight import result_json, result_lines
 from snakegen.cli.options import json_option, note, print_json
+from snakegen.cli.outcome import result_json, result_lines
 from snakegen.errors import LogError
 
 

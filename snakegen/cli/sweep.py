@@ -9,7 +9,6 @@ from typing import Any
 
 import click
 
-from snakegen.cli.flight import progress_bar
 from snakegen.cli.options import (
     Source,
     at_least,
@@ -20,6 +19,7 @@ from snakegen.cli.options import (
     print_rows,
     robot_options,
 )
+from snakegen.cli.outcome import progress_bar
 from snakegen.errors import SnakegenError
 
 

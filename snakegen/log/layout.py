@@ -22,11 +22,12 @@ PAGES: tuple[tuple[str, tuple[str, ...]], ...] = (
     (
         "Actuators",
         (
-            *("gimbals", "gimbal torque", "joint torque", "joint torque by the law"),
+            *("gimbals", "gimbal torque", "roll moment", "joint torque", "joint torque by the law"),
             *("joint torque gap", "joint friction", "screw torque", "joint power", "power"),
+            "battery",
         ),
     ),
-    ("Safety", ("clearance", "contact", "friction use", "disturbance")),
+    ("Safety", ("clearance", "contact", "friction use", "disturbance", "wind")),
     ("Vibration", ("modal energy", "elastic angles")),
     ("State", ("position", "attitude", "velocity", "state error")),
 )

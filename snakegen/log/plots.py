@@ -107,6 +107,16 @@ def _limits(recording: Recording) -> list[Series]:
     return [Series("thrust", LIMIT, ends, line, (LIMIT,), "N")]
 
 
+def legend(s: Series, shown: list[Series]) -> list[str]:
+    """Returns the names of a channel's curves; with the channel's where another has the same."""
+    if s.asked:
+        return [f"{label} asked" for label in s.labels]
+    others = [t for t in shown if t.group == s.group and t.name != s.name and not t.asked]
+    taken = {label for t in others for label in t.labels}
+    own = s.name.replace("_", " ")
+    return [f"{own} {label}" if label in taken else label for label in s.labels]
+
+
 def log_plots(rec: Any, shown: list[Series]) -> None:
     """Writes the time series into the rerun recording `rec`."""
     import rerun as rr
@@ -115,7 +125,7 @@ def log_plots(rec: Any, shown: list[Series]) -> None:
     stride = style.stride_for(sum(s.values.size for s in shown))
     for s in shown:
         index, width = style.standing_out(s.values, stride), s.values.shape[1]
-        names = [f"{label} asked" if s.asked else label for label in s.labels]
+        names = legend(s, shown)
         # A command has the colours of what it commands; other channels go on where one ended.
         first = 0 if s.asked else drawn.get(s.group, 0)
         drawn[s.group] = first + (0 if s.asked else width)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.verify.outcome import outcome
 from snakegen.verify.recording import Recording
 from snakegen.verify.trim import said as said_of
 from snakegen.verify.vibration_metrics import SHAKING
@@ -26,17 +27,28 @@ _UNITS = {
     "gyro_noise": "rad/s",
     "velocity_noise": "m/s",
     "joint_noise": "rad",
+    "imu_rate": "Hz",
     "delay": "s",
+    "air_density": "kg/m³",
+    "wind_speed": "m/s",
+    "wind_direction": "rad",
+    "turbulence": "m/s (standard deviation)",
+    "endurance": "s of hover",
+    "voltage_sag": "1 (share, full to empty)",
+    "link_stiffness": "N·m/rad (0: rigid)",
+    "link_damping": "s",
 }
 _AXES = ("x [m]", "y [m]", "z [m]", "roll [rad]", "pitch [rad]", "yaw [rad]")
 _SHOWN = (
     ("energy_j", "energy", "J"),
     ("power_mean_w", "mean power", "W"),
+    ("battery_used", "share of the battery used", "1"),
     ("thrust_max_n", "largest thrust", "N"),
     ("thrust_headroom", "thrust headroom", "1"),
     ("saturation_share", "ticks with a rotor at a limit", "1"),
-    ("joint_torque_use", "joint torque over its limit", "1"),
-    ("gimbal_torque_use", "gimbal torque over its limit", "1"),
+    ("joint_torque_use", "largest joint torque, share of its limit", "1"),
+    ("gimbal_torque_use", "largest gimbal torque, share of its limit", "1"),
+    ("roll_moment_use", "largest moment of λ1 − λ2 on a φ servo, share of its limit", "1"),
     ("elastic_rms_rad", "elastic angles about their mean, RMS", "rad"),
     ("modal_energy_mean_j", "mean energy of the elastic modes", "J"),
     ("decay_s", "swung out to a tenth of the energy after", "s"),
@@ -54,8 +66,9 @@ _SHOWN = (
 def flight_report(recording: Recording) -> str:
     """Returns the markdown of a judged flight; tables of what it has, nothing of what it lacks."""
     meta, found = recording.meta, recording.metrics
-    parts = [_head(meta), _checks(recording), _tracking(meta, found), _numbers(found)]
-    parts += [_elastic(meta, found), _push(meta, found), _loss(meta), _plant(meta)]
+    said = "\n".join(f"- {line}" for line in outcome(meta, found))
+    parts = [_head(meta), said, _checks(recording), _tracking(meta, found), _numbers(found)]
+    parts += [_elastic(meta, found), _push(meta, found), _plant(meta)]
     return "\n\n".join(p for p in parts if p)
 
 
@@ -67,6 +80,9 @@ def _head(meta: dict[str, Any]) -> str:
         "perfect sensors and rotors" if meta["ideal"] else f"seed {meta['seed']}",
     ]
     text = f"## {meta['robot']}: {meta['mission']}\n\n" + ", ".join(said) + "."
+    if "trial" in meta:
+        drawn = ", ".join(f"{k} {v:.3g}" for k, v in meta["drawn"].items())
+        text += f" Trial {meta['trial']}, drawn: {drawn}."
     options = {k: v for k, v in meta.get("options", {}).items() if v is not None}
     if options:
         text += " Options: " + ", ".join(f"{k} {v}" for k, v in options.items()) + "."
@@ -146,18 +162,6 @@ def _push(meta: dict[str, Any], found: dict[str, Any]) -> str:
         ("acting on", str(forecast["link"])),
     ]
     return "### Push: [force N; torque N·m] about the CoG\n\n" + table(("", ""), rows)
-
-
-def _loss(meta: dict[str, Any]) -> str:
-    facts = meta.get("facts", {})
-    if "lost" not in facts:
-        return ""
-    left = float(facts["predicted_wrench_margin"])
-    word = "it can hover on" if left >= 0 else "it must fall"
-    return (
-        f"Lost: {facts['lost']}. The scaled wrench margin without it is {left:.3f}: {word}, "
-        "says the analysis of the posture."
-    )
 
 
 def _plant(meta: dict[str, Any]) -> str:

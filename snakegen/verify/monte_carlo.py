@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 
 from snakegen.errors import MissionError, SpecError, near
+from snakegen.verify.flight_report import flight_report
 from snakegen.verify.plant import Imperfections
 from snakegen.verify.recording import Recording
 from snakegen.verify.run import Ready
@@ -166,7 +167,8 @@ def fly_again(
     spread = spread or Spread.of(ready.robot.modules.uncertainty)
     changed, imperfections, drawn = perturbed(world, ready.imperfections, spread, rng)
     recording = ready.flown(changed, imperfections, rng, seed)
-    return replace(recording, meta=recording.meta | {"trial": number, "drawn": drawn})
+    told = replace(recording, meta=recording.meta | {"trial": number, "drawn": drawn})
+    return replace(told, report=flight_report(told))
 
 
 def _trial(

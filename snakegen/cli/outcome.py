@@ -1,0 +1,90 @@
+"""What a run tells on the terminal: progress, the checks, what was promised and what came of it."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+MOST_EVENTS = 8  # lines of a failed run; the log has them all
+
+
+def result_json(recording: Any, path: Path) -> dict[str, Any]:
+    """Returns what --json prints: metrics, facts of the mission, verdict and where the log is."""
+    judged = recording.verdict
+    told = ("robot", "mission", "seed", "mode", "gains", "allocator", "ideal", "stopped")
+    keep = (*told, "modal_frequencies_hz", "facts")
+    return (
+        {k: recording.meta[k] for k in keep if k in recording.meta}
+        | recording.metrics
+        | {
+            "log": str(path),
+            "verdict": judged.to_json() if judged else None,
+            "passed": bool(judged and judged.passed),
+        }
+    )
+
+
+def result_lines(recording: Any, path: Path) -> list[str]:
+    """Returns what a person reads: the log, what happened, the checks, and the verdict last.
+
+    A run that failed tells its events too, for they say why.
+    """
+    from snakegen.verify.outcome import outcome
+
+    lines = [f"log: {path}"]
+    if recording.meta.get("stopped"):
+        lines.append(f"ended early: {recording.meta['stopped']}")
+    modes = recording.meta.get("modal_frequencies_hz")
+    if modes:
+        shown = ", ".join(f"{f:.2f}" for f in modes[:6])
+        lines.append(f"elastic links: natural frequencies {shown} … Hz")
+    judged = recording.verdict
+    if judged is None or not judged.passed:
+        lines += _events(recording)
+    lines += outcome(recording.meta, recording.metrics)
+    if judged is None:
+        return [*lines, "verdict: none"]
+    lines += [f"  {check.line()}" for check in judged.checks]
+    return [*lines, f"verdict: {judged.summary()}"]
+
+
+def _events(recording: Any) -> list[str]:
+    """Returns the first events as lines; one that repeats itself only once, with its count."""
+    first: dict[str, float] = {}
+    times: dict[str, int] = {}
+    for event in recording.events:
+        first.setdefault(event.text, event.time)
+        times[event.text] = times.get(event.text, 0) + 1
+    lines = [
+        f"{at:9.2f} s  {text}" + (f" ({times[text]} times)" if times[text] > 1 else "")
+        for text, at in first.items()
+    ]
+    if len(lines) > MOST_EVENTS:
+        lines[MOST_EVENTS:] = [f"           … {len(lines) - MOST_EVENTS} more in the log"]
+    return lines
+
+
+class progress_bar:
+    """A progress bar on stderr with an estimate; silent when stderr is no terminal."""
+
+    def __init__(self, title: str) -> None:
+        self.title = title
+        self.bar: Any = None
+
+    def __enter__(self) -> Any:
+        if not sys.stderr.isatty():
+            return None
+        from rich.console import Console
+        from rich.progress import Progress
+
+        self.bar = Progress(console=Console(stderr=True), transient=True)
+        self.bar.start()
+        task = self.bar.add_task(self.title, total=1)
+
+        def step(done: int, total: int) -> None:
+            self.bar.update(task, completed=done, total=total)
+
+        return step
+
+    def __exit__(self, *_: Any) -> None:
+        if self.bar is not None:
+            self.bar.stop()

@@ -1,0 +1,114 @@
+"""What a mission promised and what came of it, in words: for the terminal and the log's report."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+Dict = dict[str, Any]
+
+
+def outcome(meta: Dict, found: Dict) -> list[str]:
+    """Returns the lines that a mission's own numbers are worth; none where it has none.
+
+    Args:
+        meta: of the recording; its facts are what the plan knew beforehand.
+        found: the metrics.
+    """
+    facts = meta.get("facts") or {}
+    return [line for tell in _TELLERS for line in tell(facts, found)]
+
+
+def _push(facts: Dict, found: Dict) -> list[str]:
+    forecast = facts.get("forecast")
+    if not forecast or found.get("ratio") is None:
+        return []
+    told = f"predicted to be held: {_wrench(found['predicted_wrench'])} on {forecast['link']}"
+    if forecast["stopped"]:
+        told += f"; then at its limit: {', '.join(forecast['stopped'])}"
+    if found.get("lost_wrench") is None:
+        end = f"tracking held to the end of the ramp, {found['ratio']:.3f} of the prediction"
+    else:
+        end = (
+            f"tracking lost at {found['lost_s']:.2f} s: {_wrench(found['lost_wrench'])}, "
+            f"{found['ratio']:.3f} of the prediction"
+        )
+    return [told, end]
+
+
+def _loss(facts: Dict, found: Dict) -> list[str]:
+    if "lost" not in facts:
+        return []
+    left = float(facts["predicted_wrench_margin"])
+    # level: the mission's attitude. A body may bear more tilted, and drift there by itself.
+    word = "level hover goes on" if left >= 0 else "it cannot hover level"
+    return [
+        f"lost: {facts['lost']}; scaled wrench margin without it {left:.3f}: {word}, "
+        "says the analysis of the posture"
+    ]
+
+
+def _steps(facts: Dict, found: Dict) -> list[str]:
+    lines = []
+    for step in facts.get("steps", ()):
+        axis = step["axis"]
+        unit = "m" if axis in "xyz" else "rad"
+        rise, settled = found.get(f"rise_{axis}_s"), found.get(f"settling_{axis}_s")
+        over = found.get(f"overshoot_{axis}")
+        if f"rise_{axis}_s" not in found or over is None:
+            continue
+        up = "did not get there" if rise is None else f"rise {rise:.2f} s"
+        rest = "not settled" if settled is None else f"settled after {settled:.2f} s"
+        lines.append(
+            f"step of {step['size']:g} {unit} in {axis}: {up}, overshoot {100 * over:.1f} %, {rest}"
+        )
+    return lines
+
+
+def _gust(facts: Dict, found: Dict) -> list[str]:
+    if found.get("carried_off_m") is None:
+        return []
+    back = found.get("recovery_s")
+    came = "did not come back" if back is None else f"back within 5 cm {back:.2f} s after the gust"
+    return [f"carried off {found['carried_off_m']:.3f} m, {came}"]
+
+
+def _switch(facts: Dict, found: Dict) -> list[str]:
+    jumps, strays = found.get("switch_thrust_step_n"), found.get("switch_stray_m")
+    if not jumps or not strays:
+        return []
+    return [
+        f"change {i + 1} of mode: thrusts jump by at most {jump:.2f} N a tick, "
+        f"the CoG strays {stray:.3f} m"
+        for i, (jump, stray) in enumerate(zip(jumps, strays, strict=True))
+    ]
+
+
+def _opening(facts: Dict, found: Dict) -> list[str]:
+    if found.get("opening_m") is None or found.get("span_over_opening") is None:
+        return []
+    return [
+        f"opening {found['opening_m']:.3f} m; the unfolded body spans "
+        f"{found['span_over_opening']:.2f} times as much"
+    ]
+
+
+_TELLERS: tuple[Callable[[Dict, Dict], list[str]], ...] = (
+    _push,
+    _loss,
+    _steps,
+    _gust,
+    _switch,
+    _opening,
+)
+
+
+def _wrench(wrench: Any) -> str:
+    """Returns force and torque of a wrench (6,), whichever it has, with size and direction."""
+    parts = []
+    for vector, unit in ((wrench[:3], "N"), (wrench[3:], "N m")):
+        size = float(np.linalg.norm(vector))
+        if size > 1e-4 * float(np.linalg.norm(wrench)):
+            way = " ".join(f"{round(v / size, 2) + 0.0:+.2f}" for v in vector)  # no -0.00
+            parts.append(f"{size:.4g} {unit} along {way}")
+    return " and ".join(parts) or "nothing"
