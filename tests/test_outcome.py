@@ -176,3 +176,26 @@ def test_interrupted_trials_have_not_passed(
     worst = read(log)
     assert f"Trial {out['worst']['number']}, drawn: mass" in worst.report
     assert call(*asked)[0] == 3
+
+
+def test_the_arrows_are_inside_the_view(failed: Recording) -> None:
+    """At each instant the highest joint of the body, with its longest arrow on it, is in view."""
+    view = scene(failed)
+    body = view.skeleton.body_line(view.base, view.angles)  # type: ignore[union-attr]
+    thrust = failed.held("thrust", view.time).max(axis=1)
+    tips = body.max(axis=1)[:, 2] + view.newton * thrust
+    assert view.center[2] < tips.max() <= view.center[2] + view.radius
+
+
+def test_a_picture_is_of_what_is_judged(failed: Recording) -> None:
+    """Not of the hover before it, in which a robot only trims itself."""
+    from dataclasses import replace
+
+    from snakegen.log.picture import _instant
+
+    late = replace(failed, meta=failed.meta | {"metrics_window_s": [0.8, 1.195]})
+    assert _instant(late, None, Path("a.rrd")) == pytest.approx(0.9975)
+    assert _instant(late, 0.1, Path("a.rrd")) == 0.1
+    whole = replace(failed, meta={})
+    ends = float(failed.time[0] + failed.time[-1])
+    assert _instant(whole, None, Path("a.rrd")) == pytest.approx(0.5 * ends)

@@ -38,7 +38,7 @@ def snapshot(
     Args:
         path: an .rrd that snakegen wrote.
         png: the picture to write; its name ends in .png.
-        time: s, within the log; by default the middle of the run.
+        time: s, within the log; by default the middle of what is judged.
         renderer: ``viewer`` (rerun's own, without a window, on 127.0.0.1), ``matplotlib``, or
             ``auto``: the viewer where it starts, else matplotlib.
         size: pixels.
@@ -75,8 +75,9 @@ def snapshot(
 def _instant(recording: Recording, time: float | None, path: Path) -> float:
     """Returns the instant [s] to draw; refuses one that the log does not have."""
     first, last = float(recording.time[0]), float(recording.time[-1])
-    if time is None:
-        return 0.5 * (first + last)
+    if time is None:  # of what is judged: before it a robot may only hover and trim itself
+        start, end = recording.meta.get("metrics_window_s") or (first, last)
+        return 0.5 * (max(float(start), first) + min(float(end), last))
     tick = (last - first) / max(recording.time.size - 1, 1)  # a run of 2 s ends a tick before 2
     if not first <= time <= last + 1.5 * tick:
         raise LogError(f"{path} has no time {time:g} s; it goes from {first:g} to {last:g} s")
@@ -85,11 +86,11 @@ def _instant(recording: Recording, time: float | None, path: Path) -> float:
 
 def _draw_with_viewer(path: Path, png: Path, at: float, size: tuple[int, int]) -> None:
     with tempfile.TemporaryDirectory() as folder, _viewer(size) as client:
-        shot, started = Path(folder) / "shot.png", clock.monotonic()
+        shot = Path(folder) / "shot.png"
         _wait_loaded(client, client.open(str(path.resolve())))
         client.set_time(TIMELINE, duration=at, play_state="paused")
         client.save_screenshot(str(shot))  # makes it load what this instant shows
-        clock.sleep(max(0.3, started + NOTES_GONE - clock.monotonic()))
+        clock.sleep(NOTES_GONE)  # counted by its frames, of which a busy machine draws none before
         client.save_screenshot(str(shot))
         if not shot.is_file():
             raise LogError(f"the viewer drew no picture of {path}")

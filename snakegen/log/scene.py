@@ -57,23 +57,28 @@ def scene(recording: Recording) -> Scene:
     clouds = [lines.reshape(-1, 3), ghost.reshape(-1, 3)]
     if "position" in recording.channels:
         clouds.append(recording.held("position", time))
+    first = lines[0] if lines.shape[1] else np.zeros((1, 3))
+    size = float(np.sum(np.linalg.norm(np.diff(first, axis=0), axis=1))) or 1.0
+    rotors, newton = _rotors(recording, bones), _newton(recording, size)
+    if rotors:  # the arrows stand over the body
+        given = recording.channel("thrust").values
+        most = float(np.max(given, where=np.isfinite(given), initial=0.0))
+        clouds.append(clouds[0] + [0.0, 0.0, newton * most])
     cloud = np.concatenate(clouds)
     cloud = cloud[np.all(np.isfinite(cloud), axis=1)]
     cloud = cloud if len(cloud) else np.zeros((1, 3))
     middle = 0.5 * (cloud.min(axis=0) + cloud.max(axis=0))
-    first = lines[0] if lines.shape[1] else np.zeros((1, 3))
-    size = float(np.sum(np.linalg.norm(np.diff(first, axis=0), axis=1))) or 1.0
     return Scene(
         time,
         bones,
         base,
         angles,
-        _rotors(recording, bones),
+        rotors,
         ghost,
         size,
         middle,
         max(float(np.linalg.norm(cloud - middle, axis=1).max()), 0.5 * size),
-        _newton(recording, size),
+        newton,
     )
 
 
