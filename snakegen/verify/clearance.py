@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from snakegen.geometry import Floats
+from snakegen.verify.elastic import tip_name
 from snakegen.verify.world import World
 
 _FAR = 0.5  # m: what is farther apart than this is recorded as this far
@@ -92,18 +93,27 @@ def _least(
 
 
 def _pairs(model: mujoco.MjModel, solid: list[int]) -> np.ndarray:
-    """Returns the pairs of the robot's geoms that may touch, (m, 2)."""
-    excluded = {int(s) for s in model.exclude_signature}
+    """Returns the pairs of the robot's geoms that may touch, (m, 2).
+
+    The halves of an elastic link count as one: what may touch is what may in the rigid robot.
+    """
+    whole = _wholes(model)
+    joined = {(whole[b], whole[int(p)]) for b, p in enumerate(model.body_parentid)}
+    for signature in model.exclude_signature:
+        joined.add((whole[int(signature) >> 16], whole[int(signature) & 0xFFFF]))
     out = []
     for i, a in enumerate(solid):
         for b in solid[i + 1 :]:
-            first, second = int(model.geom_bodyid[a]), int(model.geom_bodyid[b])
-            if first == second or first in (model.body_parentid[second],):
-                continue
-            if second == model.body_parentid[first]:
-                continue
-            low, high = min(first, second), max(first, second)
-            if (low << 16) + high in excluded or (high << 16) + low in excluded:
-                continue
-            out.append((a, b))
+            first, second = whole[int(model.geom_bodyid[a])], whole[int(model.geom_bodyid[b])]
+            if first != second and not {(first, second), (second, first)} & joined:
+                out.append((a, b))
     return np.array(out, int).reshape(-1, 2)
+
+
+def _wholes(model: mujoco.MjModel) -> list[int]:
+    """Returns for every body itself, or the link whose outer half it is."""
+    names = [model.body(b).name for b in range(model.nbody)]
+    return [
+        int(p) if name == tip_name(names[p]) else b
+        for b, (name, p) in enumerate(zip(names, model.body_parentid, strict=True))
+    ]
