@@ -130,8 +130,10 @@ class Control(Part):
     vibration_bandwidth: Positive = Field(
         5.0, description="Hz, up to which elastic modes are damped (assumed: motors lag beyond)"
     )
-    rate_filter: NonNegative = Field(
-        0.0, description="Hz, cut-off of the low-pass on measured body rates; 0: none"
+    rate_filter: NonNegative | None = Field(
+        None,
+        description="Hz, cut-off of the low-pass on body rates and the CoG's velocity; 0: none. If "
+        "absent 10 where links bend (plant.link_stiffness) or are more than 8, else none (assumed)",
     )
     gains: str = Field("paper", description="the gain set used unless asked otherwise")
     gain_sets: dict[str, GainSet] = Field({"paper": GainSet()}, description="gains by name")
@@ -141,7 +143,7 @@ class Control(Part):
         if self.gains not in self.gain_sets:
             raise ValueError(f"gains: '{self.gains}' is none of {list(self.gain_sets)}")
         half = 0.5 * self.attitude_rate
-        if not self.rate_filter < half:
+        if self.rate_filter is not None and not self.rate_filter < half:
             raise ValueError(
                 f"rate_filter: {self.rate_filter:g} Hz; below {half:g} Hz, half the "
                 "attitude_rate, would do"

@@ -26,7 +26,7 @@ class Control:
         loops: by gain set and mode, six axes each.
         own: gain set and mode in use.
         lag, delay: s, that the loops contain.
-        rate_filter: Hz, of the low-pass on body rates that they contain; 0: none.
+        rate_filter: Hz, of the low-pass on measured rates that they contain; 0: none.
     """
 
     loops: dict[tuple[str, str], tuple[Loop, ...]]
@@ -62,7 +62,7 @@ class Control:
         """Returns (label, text) pairs for people: slowest pole and delay margin of each axis."""
         out = [("motor lag, delay", f"{1e3 * self.lag:.0f} ms, {1e3 * self.delay:.0f} ms")]
         if self.rate_filter > 0.0:
-            out.append(("low-pass on body rates", f"{self.rate_filter:g} Hz"))
+            out.append(("low-pass on rates", f"{self.rate_filter:g} Hz"))
         for (gains, mode), loops in self.loops.items():
             mark = " (flown)" if (gains, mode) == self.own else ""
             out.append((f"gains {gains}{mark}", mode.replace("_", "-")))

@@ -59,9 +59,8 @@ class Controller:
         if gimbals is not None:
             turns[:] = gimbals
         none = np.full((2, self.apparatuses, 3), np.nan)
-        return State(
-            np.zeros(3), np.zeros(3), turns, float(self.mode), 0, none, np.full((2, 3), np.nan)
-        )
+        unfiltered = np.full((2, 2, 3), np.nan)
+        return State(np.zeros(3), np.zeros(3), turns, float(self.mode), 0, none, unfiltered)
 
     def tick(
         self,

@@ -1,9 +1,9 @@
 """Closed-loop poles and delay margins of the linearised flight loops, one axis at a time.
 
 At hover the inertia in eq 17 and the allocation cancel the body, so each axis is a double
-integrator under its PID law, behind the motors' lag and a delay (Padé). Attitude loops have the
-low-pass on body rates in their D part. In dual-rotor mode x and y go through the attitude loop
-(k_θ, k_φ) and the gimbals (k_θi, k_φi), eqs 23-28.
+integrator under its PID law, behind the motors' lag and a delay (Padé), with the low-pass on
+measured rates in its D part. In dual-rotor mode x and y go through the attitude loop (k_θ, k_φ) and
+the gimbals (k_θi, k_φi), eqs 23-28.
 """
 
 from collections.abc import Callable
@@ -93,7 +93,7 @@ def loops(
         vectoring: mean k_φi and k_θi over the apparatuses (thrusts shared equally); taken from
             `gains` if not given. (0, 0) leaves the attitude alone to move x and y.
         integral: False leaves the integral terms out.
-        rate_filter: Hz, cut-off of the second-order Butterworth low-pass on body rates; 0: none.
+        rate_filter: Hz, cut-off of the second-order Butterworth low-pass on rates; 0: none.
     """
     if vectoring is None:
         means = [float(np.mean(v)) for v in (gains.vectoring_roll, gains.vectoring_pitch)]
@@ -104,10 +104,10 @@ def loops(
     out = []
     for i, axis in enumerate(AXES):
         row = force[:, i] if i < 3 else torque[:, i - 3]
-        system = _single(row, lag, rate_filter if i >= 3 else 0.0)
+        system = _single(row, lag, rate_filter)
         if mode != VIRTUAL and i < 2:  # x tilts by pitch (torque y), y by roll (torque x)
             vector = vectoring[1 - i]
-            system = _single(vector * row, lag, 0.0)
+            system = _single(vector * row, lag, rate_filter)
             if tilts[i] != 0.0:
                 system = _cascade(row, torque[:, 1 - i], tilts[i], vector, lag, rate_filter)
         out.append(Loop(axis, _poles(system(delay)), _delay_margin(system, delay)))
@@ -154,7 +154,7 @@ def _cascade(
     The target's rate is not fed forward:
     ``T = H (K_p + K_i/s) / (s² + H (K_p + K_i/s + K_d s L))``.
     """
-    top_f, _, bottom_f = _pid(outer)
+    top_f, _, bottom_f = _pid(outer, cutoff)
     top_t, slow_t, bottom_t = _pid(inner, cutoff)
 
     def system(delay: float) -> Polynomial:

@@ -66,7 +66,7 @@ class Law(NamedTuple):
     joint_limit: Floats  # (k,) N m
     internal_time: Floats  # (2,) s, in which internal forces follow joints' and thrusts' limits
     integral_rate: Floats  # (2, 3) times faster ∫e_r and ∫e_R run: 1, more while trimming
-    rate_filter: float  # Hz, cut-off of the low-pass on measured body rates; 0: none
+    rate_filter: float  # Hz, cut-off of the low-pass on body rates and CoG velocity; 0: none
 
 
 class State(NamedTuple):
@@ -78,7 +78,7 @@ class State(NamedTuple):
     blend: float  # 0 dual-rotor mode … 1 virtual-single-rotor mode
     saturated: int  # 1 when the last command met a limit
     internal: Floats  # (2, Ñ, 3) N, link axes, for joints' limits and all; NaN: none yet
-    rates: Floats  # (2, 3) memory of the low-pass on body rates; NaN: none yet
+    rates: Floats  # (2, 2, 3) memory of the low-pass on body rates and CoG velocity; NaN: none
 
 
 class Command(NamedTuple):

@@ -1,4 +1,9 @@
-"""The low-pass that autopilots put on measured body rates: Butterworth, second order."""
+"""The low-pass that autopilots put on measured rates: Butterworth, second order.
+
+Here it takes the body's rates and the velocity of the CoG that is made of them: a root's velocity,
+held between two samples of motion capture, and what turning and bending add at every tick. An arm
+of metres makes much of a gyro's noise, and of a tube that rings faster than the capture samples.
+"""
 
 from math import isnan, pi, sqrt, tan
 

@@ -186,7 +186,8 @@ def pose_wrench(
     force, error, wanted = scratch(3), scratch(3), scratch((3, 3))
     mass = locate(tree, law, measured, body, inertia, speed, angular)
     if law.rate_filter > 0.0:
-        low_pass(angular, state.rates, law.rate_filter, dt)
+        low_pass(angular, state.rates[0], law.rate_filter, dt)
+        low_pass(speed, state.rates[1], law.rate_filter, dt)
     for k in range(3):
         error[k] = target.position[k] - body.cog[k]
         for i in range(3):

@@ -143,9 +143,9 @@ def _elastic(meta: dict[str, Any], found: dict[str, Any]) -> str:
         )
         if cutoff > 0.0:
             left = 1.0 / np.sqrt(1.0 + (peak / cutoff) ** 4)
-            text += f" A low-pass of {cutoff:g} Hz leaves {100 * left:.0f} % of it to the law."
+            text += f" A low-pass of {cutoff:g} Hz leaves {100 * left:.0f} % of them to the law."
         else:
-            text += " There is no low-pass on them (control.rate_filter)."
+            text += " There is no low-pass on rates (control.rate_filter)."
     return "### Elastic links\n\n" + text
 
 
