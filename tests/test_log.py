@@ -277,6 +277,14 @@ def test_two_runs_are_told_apart(run: Recording, log: Path, tmp_path: Path):
     assert data["runs"]["b"]["seed"] == 7 and data["runs"]["a"]["robot"] == mine[0]
     assert data["runs_differ_in"] == ["robot"]
     assert data["position_max_m"]["difference"] == 0.0
+    assert data["runs"]["a"]["verdict"] == run.verdict.summary()  # type: ignore[union-attr]
+    strict = verdict(run.metrics, {"position_max_m": {"at_most": 0.0}})
+    meta = run.meta | {"allocator": "constrained", "options": {"height": 2.0}}
+    failed = dataclasses.replace(run, verdict=strict, meta=meta)
+    page = CliRunner().invoke(command, [str(log), str(write(failed, tmp_path / "failed.rrd"))])
+    rows = {line.split()[0]: line.split()[1:] for line in page.stdout.splitlines()}
+    assert rows["allocator"][-1] == "constrained" and rows["options"] == ["unknown", "height=2.0"]
+    assert rows["verdict"][-5:] == ["failed", "1", "of", "1", "checks"]
     same = CliRunner().invoke(command, [str(log), str(log)])
     assert same.exit_code == 0 and same.stderr == ""
 

@@ -34,12 +34,18 @@ class Row:
 
 @dataclass(frozen=True)
 class Head:
-    """Which run a column of a comparison is."""
+    """Which run a column of a comparison is, and how it ended; None: the log does not say."""
 
     file: str
     robot: Any
     mission: Any
     seed: Any
+    mode: Any
+    gains: Any
+    allocator: Any
+    ideal: Any  # whether sensors and rotors are perfect
+    options: Any  # of the mission, as given
+    verdict: str | None
 
 
 @dataclass(frozen=True)
@@ -97,7 +103,28 @@ def comparison(path_a: str | Path, path_b: str | Path) -> Comparison:
 
 def _head(path: str | Path, found: Inspection) -> Head:
     told = found.recording.meta
-    return Head(str(path), *(told.get(key) for key in ("robot", "mission", "seed")))
+    options = ", ".join(f"{k}={v}" for k, v in (told.get("options") or {}).items())
+    return Head(
+        file=str(path),
+        robot=told.get("robot"),
+        mission=told.get("mission"),
+        seed=told.get("seed"),
+        mode=told.get("mode"),
+        gains=told.get("gains"),
+        allocator=told.get("allocator"),
+        ideal=told.get("ideal"),
+        options=options or None,
+        verdict=_brief(found.verdict),
+    )
+
+
+def _brief(judged: Verdict | None) -> str | None:
+    """Returns a verdict as short as a column: the metrics below say which checks failed."""
+    if judged is None:
+        return None
+    if judged.passed:
+        return judged.summary()
+    return f"failed {len(judged.failed)} of {len(judged.checks)} checks"
 
 
 def _difference(a: Any, b: Any) -> Any:
