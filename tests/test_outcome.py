@@ -12,6 +12,7 @@ from snakegen.cli import cli
 from snakegen.cli import flight as command
 from snakegen.log import layout, plots, read
 from snakegen.log.scene import scene
+from snakegen.spec_file import load_spec
 from snakegen.verify.outcome import outcome
 from snakegen.verify.recording import Recording
 from snakegen.verify.run import run
@@ -134,7 +135,18 @@ def test_words_of_the_other_missions() -> None:
         "carried off 0.100 m, did not come back"
     ]
     assert outcome({}, {"opening_m": 0.5, "span_over_opening": 2.0})
-    assert not outcome({"facts": None}, {})
+    assert not outcome({"facts": None}, {"battery_used": 0.99})
+
+
+def test_an_empty_battery_is_named() -> None:
+    """A robot that falls for want of charge is told so, not by its errors alone."""
+    fallen = run(
+        snakegen.load(load_spec("dragon4", overrides=("plant.endurance=1.0",))),
+        "hover",
+        options={"duration": 1.6},
+    )
+    assert fallen.verdict is not None and not fallen.verdict.passed
+    assert "- the battery ran empty on the way: then the rotors stop" in fallen.report
 
 
 def test_pages_name_what_a_flight_logs(failed: Recording) -> None:

@@ -93,6 +93,12 @@ def _opening(facts: Dict, found: Dict) -> list[str]:
     ]
 
 
+def _battery(facts: Dict, found: Dict) -> list[str]:
+    used = found.get("battery_used")
+    empty = used is not None and used >= 1.0
+    return ["the battery ran empty on the way: then the rotors stop"] if empty else []
+
+
 _TELLERS: tuple[Callable[[Dict, Dict], list[str]], ...] = (
     _push,
     _loss,
@@ -100,6 +106,7 @@ _TELLERS: tuple[Callable[[Dict, Dict], list[str]], ...] = (
     _gust,
     _switch,
     _opening,
+    _battery,
 )
 
 
