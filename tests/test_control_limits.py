@@ -9,7 +9,8 @@ from test_control_allocation import controller_of
 from snakegen.control import constrained, fully_actuated
 from snakegen.control.frame import cog_frame
 from snakegen.errors import AnalysisError
-from snakegen.kernels.balls import near_allocation
+from snakegen.kernels.ascent import Bounded, ascend
+from snakegen.kernels.balls import BALL_STAGES, near_allocation
 
 LENGTH, G = 0.42, 9.81
 
@@ -185,3 +186,42 @@ def test_forces_near_others_satisfy_the_optimality_conditions(calm, reach):
         left = columns @ found - pull + (mine - free) / weight**2
         assert np.abs(left).max() < 1e-6 and np.all(found[: len(at)] > -1e-6)
     assert met >= 5 or reach < 0.9, "limits are met"
+
+
+def climbed(problem, warm=None):
+    """Returns the answer at the last δ and the top of its dual, from there or from nowhere."""
+    mu = np.zeros(problem.w.size) if warm is None else warm.copy()
+    x = np.empty(problem.q.shape[1])
+    soft, factor, hard = BALL_STAGES
+    ascend(problem, soft, factor, hard, warm is not None, mu, x)
+    return x, mu
+
+
+@pytest.mark.parametrize("reach", [0.6, 0.97, 1.4])
+def test_where_a_climb_starts_does_not_matter(reach):
+    """From the top of a problem near by, from that of another, and from nowhere: one answer."""
+    rng = np.random.default_rng(int(100 * reach))
+    met = 0
+    for _ in range(30):
+        points, limits = rng.normal(size=(4, 3)), rng.uniform(10, 30, 4)
+        q = np.hstack([np.vstack([np.eye(3), np.cross(p, np.eye(3)).T]) for p in points])
+        f = rng.normal(size=(4, 3))
+        f *= (limits / np.linalg.norm(f, axis=1))[:, None]
+        servos = rng.normal(size=(2, 12)) * 0.2
+        room = np.abs(servos @ f.ravel()) * 0.9
+        rows = np.r_[np.full(3, 0.02), np.full(5, 0.05)]
+        whole = np.vstack([np.c_[q, np.zeros((6, 2))], np.c_[servos, -np.eye(2)]])
+        scaled = np.c_[rows[:, None] * whole[:, :12], -np.r_[np.zeros((6, 2)), np.eye(2)]]
+        wanted = np.r_[reach * rows[:6] * (q @ f.ravel()), np.zeros(2)]
+        parts = (limits, np.zeros(12), 10 * rows[6:] * room, -rows[6:] * room, rows[6:] * room)
+        problem = Bounded(scaled, wanted, *parts)
+        cold, top = climbed(problem)
+        met += np.any(np.linalg.norm(cold[:12].reshape(4, 3), axis=1) > limits * (1 - 1e-9))
+        assert np.all(np.abs(cold[12:]) <= rows[6:] * room * (1 + 1e-12))
+        moved = problem._replace(q=scaled * (1 + 1e-3 * rng.normal(size=scaled.shape)))
+        there, _ = climbed(moved)
+        assert np.abs(there - cold).max() > 1e-4, "the problem near by has another answer"
+        for start in (top, rng.normal(size=8), 1e4 * rng.normal(size=8)):
+            again, _ = climbed(moved, start)
+            np.testing.assert_allclose(again, there, atol=1e-9)
+    assert met >= 10 or reach < 0.9, "limits are met"

@@ -1,63 +1,35 @@
-"""Allocation within limits: the least-norm answer inside a box (THEORY A7); `balls` for balls.
-
-Joint servos bound it too: each is a row ``b·x - y = -bias`` whose y lies in the servo's range.
-
-Both solve ``min ½ Σ (x / d)² + ‖S (w - Q x)‖² / (2 δ)`` over a convex set. Its dual has six
-unknowns μ whatever the number of rotors: ``x(μ) = nearest point of the set to d² Qᵀ μ`` and
-``S⁻² δ μ = w - Q x(μ)``. A damped semismooth Newton climbs it. A reachable wrench is met to about
-δ; an unreachable one is approached as near as the set allows, in the norm of S.
-"""
+"""Allocation of thrusts inside a box, and inside the joints' bounds too: `ascent`'s method."""
 
 import numpy as np
 
+from snakegen.kernels.ascent import (
+    Bounded,
+    ascend,
+    intervals_into,
+    scaled_into,
+    servos_into,
+)
+from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import scratch
 from snakegen.kernels.jit import jit
-from snakegen.kernels.joint_loads import JointLoads
-from snakegen.kernels.spd import solve_spd
+from snakegen.kernels.joint_loads import JointLoads, no_loads
 from snakegen.kernels.tree import Floats
 
-BOX_STAGES = (1e-4, 1e-7, 1e-10)  # δ: the last is far below what a rotor can resolve
-STEPS = 30
-SLACK = 10.0  # a servo's torque counts a hundredth of a thrust in what is made least
-HALVINGS = 24
+BOX_STAGES = (1e-4, 1e-3, 1e-10)  # δ: first, factor, last: far below what a rotor can resolve
 
 
-@jit
-def box_point(q: Floats, weight: Floats, lower: Floats, upper: Floats, mu: Floats) -> Floats:
-    """Returns the point of the box nearest to ``weight² qᵀ mu`` in the norm of 1 / weight."""
-    x = np.empty(q.shape[1])
-    for c in range(q.shape[1]):
-        pull = 0.0
-        for i in range(q.shape[0]):
-            pull += q[i, c] * mu[i]
-        x[c] = min(max(pull * weight[c] * weight[c], lower[c]), upper[c])
-    return x
-
-
-@jit
-def dual_gap(q: Floats, x: Floats, mu: Floats, wrench: Floats, soft: float) -> Floats:
-    """Returns the gradient ``q x + soft μ - w`` of the (negated) dual, rows scaled."""
-    gap = np.empty(q.shape[0])
-    for i in range(q.shape[0]):
-        gap[i] = soft * mu[i] - wrench[i]
-        for c in range(q.shape[1]):
-            gap[i] += q[i, c] * x[c]
-    return gap
-
-
-@jit
-def inner(a: Floats, b: Floats) -> float:
-    """Returns ``a · b``."""
-    total = 0.0
-    for i in range(a.shape[0]):
-        total += a[i] * b[i]
-    return total
-
-
-@jit
-def box_allocation(
-    matrix: Floats, wrench: Floats, rows: Floats, weight: Floats, lower: Floats, upper: Floats
-) -> Floats:
-    """Returns the thrusts (n,) inside [lower, upper] that give `wrench` with least ``‖x/weight‖``.
+@bare
+def box_within_into(
+    matrix: Floats,
+    wrench: Floats,
+    rows: Floats,
+    weight: Floats,
+    lower: Floats,
+    upper: Floats,
+    loads: JointLoads,
+    out: Floats,
+) -> None:
+    """Writes the thrusts (n,) in [lower, upper] that give `wrench` with least ``‖x / weight‖``.
 
     Args:
         matrix: (m, n) allocation map.
@@ -65,52 +37,22 @@ def box_allocation(
         rows: (m,) scale S of the wrench's rows; it decides what is given up when out of reach.
         weight: (n,) d, usually the largest thrusts.
         lower, upper: (n,) N.
+        loads: bounds of the joints on the thrusts, kept too.
+        out: (n,) N.
     """
     m, n = matrix.shape
-    q, w = np.empty((m, n)), np.empty(m)
-    for i in range(m):
-        w[i] = rows[i] * wrench[i]
-        for c in range(n):
-            q[i, c] = rows[i] * matrix[i, c]
-    mu, trial = np.zeros(m), np.zeros(m)
-    x = box_point(q, weight, lower, upper, mu)
-    for soft in BOX_STAGES:
-        for _ in range(STEPS):
-            gap = dual_gap(q, x, mu, w, soft)
-            if inner(gap, gap) < 1e-24:
-                break
-            step = solve_spd(box_slope(q, weight, lower, upper, x, soft), gap)
-            low, high = 0.0, 1.0
-            for halving in range(HALVINGS):
-                part = high if halving == 0 else 0.5 * (low + high)
-                for i in range(mu.shape[0]):
-                    trial[i] = mu[i] - part * step[i]
-                x = box_point(q, weight, lower, upper, trial)
-                climbing = inner(step, dual_gap(q, x, trial, w, soft)) < 0.0
-                if climbing:
-                    high = part
-                else:
-                    low = part
-                    if halving == 0:
-                        break
-            mu[:] = trial
-    return x
-
-
-@jit
-def box_slope(
-    q: Floats, weight: Floats, lower: Floats, upper: Floats, x: Floats, soft: float
-) -> Floats:
-    """Returns the derivative (m, m) of ``q x(μ) + soft μ``: only thrusts off their limits move."""
-    slope = np.zeros((q.shape[0], q.shape[0]))
-    for i in range(q.shape[0]):
-        slope[i, i] = soft
-    for c in range(q.shape[1]):
-        if lower[c] < x[c] < upper[c]:
-            for i in range(q.shape[0]):
-                for k in range(q.shape[0]):
-                    slope[i, k] += weight[c] * weight[c] * q[i, c] * q[k, c]
-    return slope
+    k, scale, none = loads.limit.shape[0], rows[m - 1], scratch(0)
+    q, w, d = scratch((m + k, n + k)), scratch(m + k), scratch(n + k)
+    low, high, mu, x = scratch(n + k), scratch(n + k), scratch(m + k), scratch(n + k)
+    scaled_into(matrix, wrench, rows, q, w)
+    servos_into(loads, scale, q, w)
+    for c in range(n):
+        d[c], low[c], high[c] = weight[c], lower[c], upper[c]
+    intervals_into(loads, scale, d, low, high)
+    soft, factor, hard = BOX_STAGES
+    ascend(Bounded(q, w, none, none, d, low, high), soft, factor, hard, False, mu, x)
+    for c in range(n):
+        out[c] = x[c]
 
 
 @jit
@@ -123,19 +65,15 @@ def box_within(
     upper: Floats,
     loads: JointLoads,
 ) -> Floats:
-    """Returns `box_allocation`'s thrusts (n,) that keep the joints' bounds too.
+    """Returns the thrusts (n,) of `box_within_into`."""
+    out = np.empty(matrix.shape[1])
+    box_within_into(matrix, wrench, rows, weight, lower, upper, loads, out)
+    return out
 
-    Each bound adds a row and a column: its servo's torque, a thrust of the box ±limit.
-    """
-    m, n = matrix.shape
-    k = loads.limit.shape[0]
-    q, w, scale = np.zeros((m + k, n + k)), np.empty(m + k), np.empty(m + k)
-    d, low, high = np.empty(n + k), np.empty(n + k), np.empty(n + k)
-    q[:m, :n], q[m:, :n] = matrix, loads.rows
-    w[:m], w[m:], scale[:m], scale[m:] = wrench, -loads.bias, rows, rows[m - 1]
-    d[:n], low[:n], high[:n] = weight, lower, upper
-    for i in range(k):
-        q[m + i, n + i] = -1.0
-        d[n + i] = SLACK * loads.limit[i]
-        low[n + i], high[n + i] = -loads.limit[i], loads.limit[i]
-    return box_allocation(q, w, scale, d, low, high)[:n]
+
+@jit
+def box_allocation(
+    matrix: Floats, wrench: Floats, rows: Floats, weight: Floats, lower: Floats, upper: Floats
+) -> Floats:
+    """Returns `box_within`'s thrusts (n,) with no joint to keep."""
+    return box_within(matrix, wrench, rows, weight, lower, upper, no_loads(matrix.shape[1]))

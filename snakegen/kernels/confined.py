@@ -5,19 +5,18 @@ a line when both are at limits. Rounds of bounded allocation and aiming repeat u
 rest; each round also moves the thrust points (THEORY A4, A7).
 """
 
-from math import sqrt
+from math import nan, sqrt
 
-import numpy as np
-
-from snakegen.kernels.balls import ball_allocation, near_allocation
+from snakegen.kernels.balls import ball_forces_into, near_forces_into
+from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import scratch
 from snakegen.kernels.fully_actuated import (
     across_into,
     aim_forces,
     along_into,
-    confinement,
-    point_map,
+    confinement_into,
+    point_map_into,
 )
-from snakegen.kernels.jit import jit
 from snakegen.kernels.joint_loads import JointLoads
 from snakegen.kernels.linear import cross_into, dot, turn_into
 from snakegen.kernels.tree import Floats
@@ -26,13 +25,13 @@ from snakegen.kernels.vectoring import AXIS, FIRST, SECOND, thrust_line, turned_
 LEAST, NEAR, CALMLY = 0, 1, 2  # which of all the answers
 
 
-@jit
+@bare
 def confine_at_limits(
     m: Floats, angles: Floats, lower: Floats, upper: Floats, missed: Floats, allowed: Floats
 ) -> None:
     """Narrows `allowed` (Ñ, 3, 3) for apparatuses that `missed` their direction by a limit."""
-    u, axis, swept, elbow = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    once, twice = np.empty((3, 3)), np.empty((3, 3))
+    u, axis, swept, elbow = scratch(3), scratch(3), scratch(3), scratch(3)
+    once, twice = scratch((3, 3)), scratch((3, 3))
     for j in range(angles.shape[0]):
         if missed[j] < 1e-9:
             continue
@@ -56,30 +55,58 @@ def confine_at_limits(
                 across_into(axis, allowed[j])
 
 
-@jit
-def confined_loads(loads: JointLoads, allowed: Floats) -> JointLoads:
-    """Returns the joints' bounds on forces that `allowed` (Ñ, 3, 3) projects."""
-    out = np.zeros_like(loads.rows)
+@bare
+def confined_loads_into(loads: JointLoads, allowed: Floats, out: Floats) -> None:
+    """Writes the rows (k, 3Ñ) of the joints' bounds on forces that `allowed` (Ñ, 3, 3) projects."""
     for i in range(out.shape[0]):
         for j in range(allowed.shape[0]):
             for c in range(3):
+                out[i, 3 * j + c] = 0.0
                 for k in range(3):
                     out[i, 3 * j + c] += loads.rows[i, 3 * j + k] * allowed[j, k, c]
-    return JointLoads(out, loads.bias, loads.limit)
 
 
-@jit
-def confined_forces(forces: Floats, allowed: Floats) -> Floats:
-    """Returns forces (3Ñ,) projected by `allowed` (Ñ, 3, 3)."""
-    out = np.zeros_like(forces)
+@bare
+def confined_forces_into(forces: Floats, allowed: Floats, out: Floats) -> None:
+    """Writes forces (3Ñ,) projected by `allowed` (Ñ, 3, 3)."""
     for j in range(allowed.shape[0]):
         for c in range(3):
+            out[3 * j + c] = 0.0
             for k in range(3):
                 out[3 * j + c] += allowed[j, c, k] * forces[3 * j + k]
-    return out
 
 
-@jit
+@bare
+def aimed(
+    m: Floats,
+    forces: Floats,
+    lower: Floats,
+    upper: Floats,
+    thrust: Floats,
+    angles: Floats,
+    missed: Floats,
+) -> float:
+    """Turns angles (Ñ, 2) to forces (3Ñ,); returns how far [rad] the farthest went.
+
+    Thrusts (Ñ,) are the forces' parts along the directions reached, and `missed` (Ñ,) what of
+    their size is lost by it; counts as going too.
+    """
+    u, p, before, moved = scratch(3), scratch(3), scratch(angles.shape), 0.0
+    for j in range(thrust.shape[0]):
+        for k in range(2):
+            before[j, k] = angles[j, k]
+    aim_forces(m, forces, lower, upper, thrust, angles)
+    for j in range(thrust.shape[0]):
+        thrust_line(m, j, angles[j], u, p)
+        along = dot(u, forces[3 * j : 3 * j + 3])
+        missed[j] = 1.0 - along / thrust[j] if thrust[j] > 1e-9 else 0.0
+        thrust[j] = max(along, 0.0)
+        moved = max(moved, abs(angles[j, 0] - before[j, 0]), abs(angles[j, 1] - before[j, 1]))
+        moved = max(moved, missed[j])
+    return moved
+
+
+@bare
 def bounded_forces(
     m: Floats,
     wrench: Floats,
@@ -92,8 +119,10 @@ def bounded_forces(
     loads: JointLoads,
     internal: Floats,
     near: int,
-) -> tuple[Floats, Floats]:
-    """Returns thrust (Ñ,) in [0, limit] and angles (Ñ, 2) within limits, nearest to `wrench`.
+    thrust: Floats,
+    angles: Floats,
+) -> None:
+    """Writes thrust (Ñ,) in [0, limit] and angles (Ñ, 2) within limits, nearest to `wrench`.
 
     Args:
         m: (Ñ, 10, 3) from `vectoring.mounts`.
@@ -107,28 +136,28 @@ def bounded_forces(
         internal: (3Ñ,) N, CoG axes, forces against one another to keep, unless `near` is LEAST.
         near: LEAST for the least forces within the joints' bounds; NEAR, or CALMLY, for
             `near_allocation`, which knows no joints.
+        thrust: (Ñ,) N.
+        angles: (Ñ, 2) rad, joint order.
     """
     n = limit.shape[0]
-    angles, thrust, missed = last.copy(), np.zeros(n), np.zeros(n)
-    u, p = np.empty(3), np.empty(3)
-    allowed = confinement(m, angles)
+    missed, forces, kept = scratch(n), scratch(3 * n), scratch(3 * n)
+    top = scratch(6 + loads.limit.shape[0])  # of a round's dual: the next begins there
+    allowed, q = scratch((n, 3, 3)), scratch((6, 3 * n))
+    bound = JointLoads(scratch(loads.rows.shape), loads.bias, loads.limit)
+    for j in range(n):
+        for k in range(2):
+            angles[j, k] = last[j, k]
+    confinement_into(m, angles, allowed)
+    top[0] = nan
     for _ in range(rounds):
-        q = point_map(m, angles, allowed)
+        point_map_into(m, angles, allowed, q)
         if near != LEAST:
-            kept = confined_forces(internal, allowed)
-            forces = near_allocation(q, wrench, rows, limit, kept, int(near == CALMLY))
+            confined_forces_into(internal, allowed, kept)
+            near_forces_into(q, wrench, rows, limit, kept, near == CALMLY, top, forces)
         else:
-            forces = ball_allocation(q, wrench, rows, limit, confined_loads(loads, allowed))
-        before, moved = angles.copy(), 0.0
-        aim_forces(m, forces, lower, upper, thrust, angles)
-        for j in range(n):
-            thrust_line(m, j, angles[j], u, p)
-            along = dot(u, forces[3 * j : 3 * j + 3])
-            missed[j] = 1.0 - along / thrust[j] if thrust[j] > 1e-9 else 0.0
-            thrust[j] = max(along, 0.0)
-            moved = max(moved, abs(angles[j, 0] - before[j, 0]), abs(angles[j, 1] - before[j, 1]))
-            moved = max(moved, missed[j])
+            confined_loads_into(loads, allowed, bound.rows)
+            ball_forces_into(q, wrench, rows, limit, bound, top, forces)
+        moved = aimed(m, forces, lower, upper, thrust, angles, missed)
         confine_at_limits(m, angles, lower, upper, missed, allowed)
         if moved < 1e-9:
             break
-    return thrust, angles

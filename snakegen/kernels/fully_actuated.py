@@ -122,14 +122,21 @@ def wrench_of(m: Floats, thrust: Floats, angles: Floats) -> Floats:
     return out
 
 
-@jit
-def forces_of(m: Floats, thrust: Floats, angles: Floats) -> Floats:
-    """Returns the forces (3Ñ,) of apparatus thrusts at gimbal angles, CoG axes: eq 37 back."""
-    out, u, p = np.empty(3 * thrust.shape[0]), np.empty(3), np.empty(3)
+@bare
+def forces_into(m: Floats, thrust: Floats, angles: Floats, out: Floats) -> None:
+    """Writes the forces (3Ñ,) of apparatus thrusts at gimbal angles, CoG axes: eq 37 back."""
+    u, p = scratch(3), scratch(3)
     for j in range(thrust.shape[0]):
         thrust_line(m, j, angles[j], u, p)
         for k in range(3):
             out[3 * j + k] = thrust[j] * u[k]
+
+
+@jit
+def forces_of(m: Floats, thrust: Floats, angles: Floats) -> Floats:
+    """Returns the forces (3Ñ,) of `forces_into`."""
+    out = np.empty(3 * thrust.shape[0])
+    forces_into(m, thrust, angles, out)
     return out
 
 

@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import scratch
 from snakegen.kernels.jit import jit
 from snakegen.kernels.linear import cross_into, dot, turn_back_into, turn_into
 from snakegen.kernels.tree import Floats, Gimbals, Ints, Tree
@@ -29,7 +31,7 @@ def no_loads(columns: int) -> JointLoads:
     return JointLoads(np.zeros((0, columns)), np.zeros(0), np.zeros(0))
 
 
-@jit
+@bare
 def beyond(tree: Tree, body: int, joint: int) -> bool:
     """Tells whether `body` is carried by the joint that moves body `joint`."""
     while body > joint:
@@ -37,47 +39,92 @@ def beyond(tree: Tree, body: int, joint: int) -> bool:
     return body == joint
 
 
-@jit
-def joint_line(
-    tree: Tree, rotation: Floats, position: Floats, cog: Floats, axes: Floats, joint: int
-) -> tuple[Floats, Floats]:
-    """Returns axis (3,) and origin (3,) [m from the CoG] of a joint, CoG axes."""
-    a, r, world, arm = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    turn_into(rotation[joint], tree.axis[joint], world)
-    turn_back_into(axes, world, a)
-    for k in range(3):
-        arm[k] = position[joint, k] - cog[k]
-    turn_back_into(axes, arm, r)
-    return a, r
+@bare
+def weights_into(
+    tree: Tree, rotation: Floats, position: Floats, cog: Floats, axes: Floats, hung: Floats
+) -> None:
+    """Writes the mass [kg] and its first moment [kg m] from the CoG of what hangs on each body.
+
+    Args:
+        hung: (n, 4), CoG axes; a body counts itself.
+    """
+    world, arm = scratch(3), scratch(3)
+    for b in range(tree.mass.shape[0]):
+        turn_into(rotation[b], tree.com[b], world)
+        for k in range(3):
+            world[k] += position[b, k] - cog[k]
+        turn_back_into(axes, world, arm)
+        hung[b, 0] = tree.mass[b]
+        for k in range(3):
+            hung[b, 1 + k] = tree.mass[b] * arm[k]
+    for b in range(tree.mass.shape[0] - 1, 0, -1):
+        for k in range(4):
+            hung[tree.parent[b], k] += hung[b, k]
 
 
-@jit
-def weight_load(
+@bare
+def joint_line_into(
     tree: Tree,
     rotation: Floats,
     position: Floats,
     cog: Floats,
     axes: Floats,
-    gravity: float,
     joint: int,
-) -> float:
-    """Returns the torque [N m] that the weight beyond a joint asks of its servo."""
-    a, r = joint_line(tree, rotation, position, cog, axes, joint)
-    world, arm, moment, down = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    total = 0.0
-    for b in range(joint, tree.mass.shape[0]):
-        if not beyond(tree, b, joint):
-            continue
-        turn_into(rotation[b], tree.com[b], world)
-        for k in range(3):
-            world[k] += position[b, k] - cog[k]
-            down[k] = -tree.mass[b] * gravity * axes[2, k]
-        turn_back_into(axes, world, arm)
-        for k in range(3):
-            arm[k] -= r[k]
-        cross_into(arm, down, moment)
-        total -= dot(a, moment)
-    return total
+    a: Floats,
+    r: Floats,
+) -> None:
+    """Writes axis (3,) and origin (3,) [m from the CoG] of a joint, CoG axes."""
+    world = scratch(3)
+    turn_into(rotation[joint], tree.axis[joint], world)
+    turn_back_into(axes, world, a)
+    for k in range(3):
+        world[k] = position[joint, k] - cog[k]
+    turn_back_into(axes, world, r)
+
+
+@bare
+def weight_load(hung: Floats, a: Floats, r: Floats, axes: Floats, gravity: float) -> float:
+    """Returns the torque [N m] that what hangs on a joint, a row (4,), asks of its servo."""
+    arm, down, moment = scratch(3), scratch(3), scratch(3)
+    for k in range(3):
+        arm[k], down[k] = hung[1 + k] - hung[0] * r[k], -gravity * axes[2, k]
+    cross_into(arm, down, moment)
+    return -dot(a, moment)
+
+
+@bare
+def force_loads_into(
+    tree: Tree,
+    gimbals: Gimbals,
+    m: Floats,
+    angles: Floats,
+    rotation: Floats,
+    position: Floats,
+    cog: Floats,
+    axes: Floats,
+    gravity: float,
+    joints: Ints,
+    rows: Floats,
+    bias: Floats,
+) -> None:
+    """Writes rows (k, 3Ñ) and bias (k,) of `force_loads`."""
+    n = m.shape[0]
+    u, points, hung = scratch(3), scratch((n, 3)), scratch((tree.mass.shape[0], 4))
+    a, r, arm, lever = scratch(3), scratch(3), scratch(3), scratch(3)
+    for j in range(n):
+        thrust_line(m, j, angles[j], u, points[j])
+    weights_into(tree, rotation, position, cog, axes, hung)
+    for i in range(joints.shape[0]):
+        joint_line_into(tree, rotation, position, cog, axes, joints[i], a, r)
+        bias[i] = weight_load(hung[joints[i]], a, r, axes, gravity)
+        for j in range(n):
+            carried = beyond(tree, gimbals.link_body[j], joints[i])
+            for k in range(3):
+                arm[k] = points[j, k] - r[k]
+            cross_into(a, arm, lever)
+            for k in range(3):
+                load = -(lever[k] + m[j, EXTRA, 0] * a[k])
+                rows[i, 3 * j + k] = load if carried else 0.0
 
 
 @jit
@@ -102,27 +149,15 @@ def force_loads(
         joints: (k,) bodies that the bounded joints move.
         limit: (k,) N m.
     """
-    count, n = joints.shape[0], m.shape[0]
-    rows, bias = np.zeros((count, 3 * n)), np.empty(count)
-    u, p, arm, lever = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for i in range(count):
-        joint = joints[i]
-        a, r = joint_line(tree, rotation, position, cog, axes, joint)
-        bias[i] = weight_load(tree, rotation, position, cog, axes, gravity, joint)
-        for j in range(n):
-            if not beyond(tree, gimbals.link_body[j], joint):
-                continue
-            thrust_line(m, j, angles[j], u, p)
-            for k in range(3):
-                arm[k] = p[k] - r[k]
-            cross_into(a, arm, lever)
-            for k in range(3):
-                rows[i, 3 * j + k] = -(lever[k] + m[j, EXTRA, 0] * a[k])
+    rows, bias = np.empty((joints.shape[0], 3 * m.shape[0])), np.empty(joints.shape[0])
+    force_loads_into(
+        tree, gimbals, m, angles, rotation, position, cog, axes, gravity, joints, rows, bias
+    )
     return JointLoads(rows, bias, limit)
 
 
-@jit
-def rotor_loads(
+@bare
+def rotor_loads_into(
     tree: Tree,
     gimbals: Gimbals,
     m: Floats,
@@ -134,32 +169,35 @@ def rotor_loads(
     axes: Floats,
     gravity: float,
     joints: Ints,
-    limit: Floats,
-) -> JointLoads:
-    """Returns the bounds on rotor thrusts (n,) at held gimbals; arguments as `force_loads`."""
-    count, n = joints.shape[0], rotor.shape[0]
-    rows, bias = np.zeros((count, n)), np.empty(count)
-    u, p, arm, lever, elbow = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    once, twice = np.empty((3, 3)), np.empty((3, 3))
-    for i in range(count):
-        joint = joints[i]
-        a, r = joint_line(tree, rotation, position, cog, axes, joint)
-        bias[i] = weight_load(tree, rotation, position, cog, axes, gravity, joint)
-        for c in range(n):
-            j = int(rotor[c, 2, 1])
-            if not beyond(tree, gimbals.link_body[j], joint):
-                continue
-            turned_into(m, j, angles[j, 0], angles[j, 1], once, twice, elbow)
-            turn_into(twice, rotor[c, 1], u)
-            turn_into(twice, rotor[c, 0], p)
+    rows: Floats,
+    bias: Floats,
+) -> None:
+    """Writes rows (k, n) and bias (k,) of the bounds on rotor thrusts (n,) at held gimbals."""
+    count = rotor.shape[0]
+    points, along, hung = scratch((count, 3)), scratch((count, 3)), scratch((tree.mass.shape[0], 4))
+    a, r, arm, lever, elbow = scratch(3), scratch(3), scratch(3), scratch(3), scratch(3)
+    once, twice = scratch((3, 3)), scratch((3, 3))
+    for c in range(count):
+        j = int(rotor[c, 2, 1])
+        turned_into(m, j, angles[j, 0], angles[j, 1], once, twice, elbow)
+        turn_into(twice, rotor[c, 1], along[c])
+        turn_into(twice, rotor[c, 0], points[c])
+        for k in range(3):
+            points[c, k] += elbow[k]
+    weights_into(tree, rotation, position, cog, axes, hung)
+    for i in range(joints.shape[0]):
+        joint_line_into(tree, rotation, position, cog, axes, joints[i], a, r)
+        bias[i] = weight_load(hung[joints[i]], a, r, axes, gravity)
+        for c in range(count):
+            carried = beyond(tree, gimbals.link_body[int(rotor[c, 2, 1])], joints[i])
             for k in range(3):
-                arm[k] = p[k] + elbow[k] - r[k]
+                arm[k] = points[c, k] - r[k]
             cross_into(a, arm, lever)
-            rows[i, c] = -(dot(lever, u) + rotor[c, 2, 0] * dot(a, u))
-    return JointLoads(rows, bias, limit)
+            load = -(dot(lever, along[c]) + rotor[c, 2, 0] * dot(a, along[c]))
+            rows[i, c] = load if carried else 0.0
 
 
-@jit
+@bare
 def overloaded(loads: JointLoads, x: Floats) -> bool:
     """Tells whether thrusts or forces x (n,) pass a joint's limit."""
     for i in range(loads.limit.shape[0]):

@@ -1,13 +1,17 @@
 """The printed allocator's answer brought within limits, internal forces eased in (eqs 29-47)."""
 
-import numpy as np
-
-from snakegen.kernels.balls import least_forces
+from snakegen.kernels.balls import least_forces_into
+from snakegen.kernels.bare import bare
+from snakegen.kernels.borrowed import scratch
 from snakegen.kernels.confined import CALMLY, LEAST, NEAR, bounded_forces
 from snakegen.kernels.control_types import Body, Law
-from snakegen.kernels.fully_actuated import confinement, forces_of, point_map, wrench_into
-from snakegen.kernels.jit import jit
-from snakegen.kernels.joint_loads import JointLoads, force_loads, overloaded
+from snakegen.kernels.fully_actuated import (
+    confinement_into,
+    forces_into,
+    point_map_into,
+    wrench_into,
+)
+from snakegen.kernels.joint_loads import JointLoads, force_loads_into, overloaded
 from snakegen.kernels.linear import turn_back_into, turn_into
 from snakegen.kernels.tree import Floats, Gimbals, Tree
 
@@ -15,7 +19,7 @@ LIMIT_SLACK = 1e-9  # N and rad, by which an answer may pass a limit unnoticed
 ROUNDS = 20  # of bounded allocation and aiming
 
 
-@jit
+@bare
 def bounded_answer(
     m: Floats,
     limit: Floats,
@@ -51,82 +55,79 @@ def bounded_answer(
         reached: (6,)
     """
     n = limit.shape[0]
-    goal = np.zeros(3 * n)
-    best, turns = thrust.copy(), angles.copy()
-    if beyond or overloaded(loads, forces_of(m, thrust, angles)):
-        best, turns = bounded_forces(
-            m, wrench, rows, limit, lower, upper, last, ROUNDS, loads, goal, LEAST
-        )
-        goal = apart_from_least(m, wrench, rows, limit, best, turns)
-    kept = np.empty_like(internal)
-    apart = eased(m, goal, internal[0], share[0], kept[0])
+    goal, forces = scratch(3 * n), scratch(3 * n)
+    for c in range(3 * n):
+        goal[c] = 0.0
+    forces_into(m, thrust, angles, forces)
+    if beyond or overloaded(loads, forces):
+        bounded_forces(
+            m, wrench, rows, limit, lower, upper, last, ROUNDS, loads, forces, LEAST,
+            thrust, angles,
+        )  # fmt: skip
+        apart_from_least_into(m, wrench, rows, limit, thrust, angles, goal)
+    apart = ease(m, goal, share[0], internal[0], forces)
     if apart > LIMIT_SLACK:
-        best, turns = bounded_forces(
-            m, wrench, rows, limit, lower, upper, last, ROUNDS, loads, in_cog_axes(m, kept[0]), NEAR
-        )
-        goal = apart_from_least(m, wrench, rows, limit, best, turns)
-    wrench_into(m, best, turns, reached)
-    apart = eased(m, goal, internal[1], share[1], kept[1])
+        bounded_forces(
+            m, wrench, rows, limit, lower, upper, last, ROUNDS, loads, forces, NEAR,
+            thrust, angles,
+        )  # fmt: skip
+        apart_from_least_into(m, wrench, rows, limit, thrust, angles, goal)
+    wrench_into(m, thrust, angles, reached)
+    apart = ease(m, goal, share[1], internal[1], forces)
     if apart > LIMIT_SLACK:
-        best, turns = bounded_forces(
-            m,
-            wrench,
-            rows,
-            limit,
-            lower,
-            upper,
-            last,
-            ROUNDS,
-            loads,
-            in_cog_axes(m, kept[1]),
-            CALMLY,
-        )
-    thrust[:], angles[:], internal[:] = best, turns, kept
+        bounded_forces(
+            m, wrench, rows, limit, lower, upper, last, ROUNDS, loads, forces, CALMLY,
+            thrust, angles,
+        )  # fmt: skip
 
 
-@jit
-def apart_from_least(
-    m: Floats, wrench: Floats, rows: Floats, limit: Floats, thrust: Floats, angles: Floats
-) -> Floats:
-    """Returns what an answer's forces (3Ñ,), CoG axes, have beyond the pseudo-inverse's."""
-    q = point_map(m, angles, confinement(m, angles))
-    return forces_of(m, thrust, angles) - least_forces(q, wrench, rows, limit)
+@bare
+def apart_from_least_into(
+    m: Floats,
+    wrench: Floats,
+    rows: Floats,
+    limit: Floats,
+    thrust: Floats,
+    angles: Floats,
+    out: Floats,
+) -> None:
+    """Writes what an answer's forces (3Ñ,), CoG axes, have beyond the pseudo-inverse's."""
+    n = limit.shape[0]
+    allowed, q, least = scratch((n, 3, 3)), scratch((6, 3 * n)), scratch(3 * n)
+    confinement_into(m, angles, allowed)
+    point_map_into(m, angles, allowed, q)
+    least_forces_into(q, wrench, rows, limit, least)
+    forces_into(m, thrust, angles, out)
+    for c in range(3 * n):
+        out[c] -= least[c]
 
 
-@jit
-def eased(m: Floats, goal: Floats, now: Floats, share: float, out: Floats) -> float:
-    """Writes forces (Ñ, 3), link axes, `share` of the way from `now` to `goal` into `out`.
+@bare
+def ease(m: Floats, goal: Floats, share: float, now: Floats, out: Floats) -> float:
+    """Moves forces (Ñ, 3), link axes, `share` of the way to `goal`, and writes them in CoG axes.
 
     Returns how far [N] they still are from it. A body that bends carries them along.
 
     Args:
         m: (Ñ, 10, 3) from `vectoring.mounts`.
         goal: (3Ñ,) N, CoG axes.
-        now: (Ñ, 3) N, link axes; NaN takes the goal.
         share: 0 … 1.
-        out: (Ñ, 3) N, link axes.
+        now: (Ñ, 3) N, link axes, moved; NaN takes the goal.
+        out: (3Ñ,) N, CoG axes.
     """
-    apart = 0.0
+    apart, wanted = 0.0, scratch(3)
     for j in range(now.shape[0]):
-        turn_back_into(m[j], goal[3 * j : 3 * j + 3], out[j])
+        turn_back_into(m[j], goal[3 * j : 3 * j + 3], wanted)
         for k in range(3):
-            gap = now[j, k] - out[j, k]
-            if gap == gap:
-                out[j, k] += (1.0 - share) * gap
-                apart = max(apart, abs((1.0 - share) * gap))
+            gap = now[j, k] - wanted[k]
+            left = (1.0 - share) * gap if gap == gap else 0.0
+            now[j, k] = wanted[k] + left
+            apart = max(apart, abs(left))
+        turn_into(m[j], now[j], out[3 * j : 3 * j + 3])
     return apart
 
 
-@jit
-def in_cog_axes(m: Floats, forces: Floats) -> Floats:
-    """Returns forces (3Ñ,) in CoG axes of forces (Ñ, 3) in link axes."""
-    out = np.empty(forces.size)
-    for j in range(forces.shape[0]):
-        turn_into(m[j], forces[j], out[3 * j : 3 * j + 3])
-    return out
-
-
-@jit
+@bare
 def keep_limits(
     tree: Tree,
     gimbals: Gimbals,
@@ -146,7 +147,9 @@ def keep_limits(
     reached: Floats,
 ) -> None:
     """Brings an answer of `least_answer` within limits, joints' too: see `bounded_answer`."""
-    held_up = force_loads(
+    k, share = law.joints.shape[0], scratch(2)
+    held_up = JointLoads(scratch((k, 3 * m.shape[0])), scratch(k), law.joint_limit)
+    force_loads_into(
         tree,
         gimbals,
         m,
@@ -157,8 +160,11 @@ def keep_limits(
         body.axes,
         law.gravity,
         law.joints,
-        law.joint_limit,
+        held_up.rows,
+        held_up.bias,
     )
+    for i in range(2):
+        share[i] = dt / (dt + law.internal_time[i])
     bounded_answer(
         m,
         gimbals.limit,
@@ -169,7 +175,7 @@ def keep_limits(
         upper,
         beyond,
         held_up,
-        dt / (dt + law.internal_time),
+        share,
         pushes,
         angles,
         internal,

@@ -8,19 +8,19 @@ import numpy as np
 
 from snakegen.kernels.bare import bare
 from snakegen.kernels.borrowed import scratch
-from snakegen.kernels.bounded import box_within
+from snakegen.kernels.bounded import box_within_into
 from snakegen.kernels.control_types import Body, Law
 from snakegen.kernels.fully_actuated import refine, spread_forces, wrench_jacobian_into
 from snakegen.kernels.jit import jit
-from snakegen.kernels.joint_loads import JointLoads, overloaded, rotor_loads
+from snakegen.kernels.joint_loads import JointLoads, overloaded, rotor_loads_into
 from snakegen.kernels.limited import LIMIT_SLACK, bounded_answer
-from snakegen.kernels.spd import least_norm, least_singular_value
+from snakegen.kernels.spd import least_norm_into, least_singular_value
 from snakegen.kernels.tree import Floats, Gimbals, Rotors, Tree
 from snakegen.kernels.underactuated import (
-    rotor_map,
-    truncated,
-    truncated_wrench,
-    vectored_gimbals,
+    rotor_map_into,
+    truncated_into,
+    truncated_wrench_into,
+    vectored_gimbals_into,
 )
 
 DUAL_SIGMA_MIN = 1e-3  # least scaled σ_min(Q_trunc) flown: yaw by drag alone has about 1.5 κ
@@ -132,8 +132,8 @@ def allocate_virtual(
     return thrust, angles, sigma, steps, size, reached, kept
 
 
-@jit
-def allocate_dual(
+@bare
+def dual_answer(
     q: Floats,
     wanted: Floats,
     rows: Floats,
@@ -141,8 +141,9 @@ def allocate_dual(
     thrust_max: Floats,
     constrained: int,
     loads: JointLoads,
-) -> tuple[Floats, float]:
-    """Returns rotor thrusts (n,) and the scaled σ_min(Q_trunc): eqs 20-22.
+    thrust: Floats,
+) -> float:
+    """Writes rotor thrusts (n,) and returns the scaled σ_min(Q_trunc): eqs 20-22.
 
     Weights: thrusts are normalised by their limits.
 
@@ -153,13 +154,31 @@ def allocate_dual(
         thrust_min, thrust_max: (n,) N.
         constrained: 1 keeps the thrusts within limits.
         loads: bounds of the joints on the thrusts, kept likewise.
+        thrust: (n,) N.
     """
-    thrust, beyond = least_norm(q, thrust_max, wanted), False
+    beyond = False
+    least_norm_into(q, thrust_max, wanted, thrust)
     for r in range(thrust.shape[0]):
         beyond |= outside(thrust[r], thrust_min[r], thrust_max[r])
     if constrained and (beyond or overloaded(loads, thrust)):
-        thrust = box_within(q, wanted, rows, thrust_max, thrust_min, thrust_max, loads)
-    return thrust, least_singular_value(q, rows, thrust_max)
+        box_within_into(q, wanted, rows, thrust_max, thrust_min, thrust_max, loads, thrust)
+    return least_singular_value(q, rows, thrust_max)
+
+
+@jit
+def allocate_dual(
+    q: Floats,
+    wanted: Floats,
+    rows: Floats,
+    thrust_min: Floats,
+    thrust_max: Floats,
+    constrained: int,
+    loads: JointLoads,
+) -> tuple[Floats, float]:
+    """Returns rotor thrusts (n,) and the scaled σ_min(Q_trunc) of `dual_answer`."""
+    thrust = np.empty(q.shape[1])
+    sigma = dual_answer(q, wanted, rows, thrust_min, thrust_max, constrained, loads, thrust)
+    return thrust, sigma
 
 
 @bare
@@ -168,11 +187,11 @@ def smooth(s: float) -> float:
     return s * s * (3.0 - 2.0 * s)
 
 
-@jit
-def blended(
+@bare
+def blend(
     q: Floats, wanted: Floats, thrust_max: Floats, virtual: Floats, dual: Floats, share: float
-) -> Floats:
-    """Returns the thrusts between two modes, corrected so that ``q x = wanted`` stays exact.
+) -> None:
+    """Writes into `virtual` the thrusts between two modes, corrected so that ``q x = wanted``.
 
     Args:
         q: (4, n) truncated map at the blended gimbal angles.
@@ -181,18 +200,20 @@ def blended(
         virtual, dual: (n,) thrusts of the two modes.
         share: 0 dual … 1 virtual.
     """
-    thrust, lack = np.empty(virtual.shape[0]), wanted.copy()
-    for r in range(thrust.shape[0]):
-        thrust[r] = share * virtual[r] + (1.0 - share) * dual[r]
+    n, lack = virtual.shape[0], scratch(4)
+    extra = scratch(n)
+    for k in range(4):
+        lack[k] = wanted[k]
+    for r in range(n):
+        virtual[r] = share * virtual[r] + (1.0 - share) * dual[r]
         for k in range(4):
-            lack[k] -= q[k, r] * thrust[r]
-    extra = least_norm(q, thrust_max, lack)
-    for r in range(thrust.shape[0]):
-        thrust[r] += extra[r]
-    return thrust
+            lack[k] -= q[k, r] * virtual[r]
+    least_norm_into(q, thrust_max, lack, extra)
+    for r in range(n):
+        virtual[r] += extra[r]
 
 
-@jit
+@bare
 def lean(
     tree: Tree,
     rotors: Rotors,
@@ -218,14 +239,19 @@ def lean(
 
     There what the virtual mode asks stands in them on entry. Returns σ_min: eqs 20-28.
     """
-    leaned = vectored_gimbals(m, ahead, left, tilt, weight, law.vectoring, lower, upper, last)
-    for j in range(leaned.shape[0]):
-        for k in range(2):
-            near = share * (angles[j, k] - leaned[j, k]) if share > 0.0 else 0.0
-            angles[j, k] = leaned[j, k] + near
-    q = truncated(rotor_map(m, rotor, angles), tilt)
-    part = truncated_wrench(wrench, tilt)
-    bent = rotor_loads(
+    n, count = angles.shape[0], thrust.shape[0]
+    k = law.joints.shape[0] if law.constrained else 0
+    leaned, full, q, part = scratch((n, 2)), scratch((6, count)), scratch((4, count)), scratch(4)
+    vectored_gimbals_into(m, ahead, left, tilt, weight, law.vectoring, lower, upper, last, leaned)
+    for j in range(n):
+        for i in range(2):
+            near = share * (angles[j, i] - leaned[j, i]) if share > 0.0 else 0.0
+            angles[j, i] = leaned[j, i] + near
+    rotor_map_into(m, rotor, angles, full)
+    truncated_into(full, tilt, q)
+    truncated_wrench_into(wrench, tilt, part)
+    bent = JointLoads(scratch((k, count)), scratch(k), law.joint_limit[:k])
+    rotor_loads_into(
         tree,
         gimbals,
         m,
@@ -236,13 +262,17 @@ def lean(
         body.cog,
         body.axes,
         law.gravity,
-        law.joints if law.constrained else law.joints[:0],
-        law.joint_limit if law.constrained else law.joint_limit[:0],
+        law.joints[:k],
+        bent.rows,
+        bent.bias,
     )
-    split, sigma = allocate_dual(
-        q, part, rows[2:], rotors.thrust_min, rotors.thrust_max, law.constrained, bent
+    if share == 0.0:
+        return dual_answer(
+            q, part, rows[2:], rotors.thrust_min, rotors.thrust_max, law.constrained, bent, thrust
+        )
+    split = scratch(count)
+    sigma = dual_answer(
+        q, part, rows[2:], rotors.thrust_min, rotors.thrust_max, law.constrained, bent, split
     )
-    if share > 0.0:
-        split = blended(q, part, rotors.thrust_max, thrust, split, share)
-    thrust[:] = split
+    blend(q, part, rotors.thrust_max, thrust, split, share)
     return sigma

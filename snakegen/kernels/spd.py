@@ -11,33 +11,32 @@ from snakegen.kernels.tree import Floats
 
 
 @bare
-def solve_spd_into(matrix: Floats, rhs: Floats, x: Floats) -> None:
-    """Writes ``matrix⁻¹ rhs``; a pivot lost to rounding is replaced by a tiny one.
+def factor(low: Floats) -> None:
+    """Makes the lower triangle (n, n) of a positive definite matrix its Cholesky factor, in place.
 
-    So a singular system gives a huge, finite answer along its null space instead of NaN; callers
-    judge singularity by singular values, not by this solve.
-
-    Args:
-        matrix: (n, n) symmetric, positive definite; the lower triangle is read.
-        rhs: (n,).
-        x: (n,), the answer.
+    A pivot lost to rounding is replaced by a tiny one.
     """
-    n = rhs.shape[0]
-    low = scratch((n, n))
+    n = low.shape[0]
     floor = 0.0
     for i in range(n):
-        floor = max(floor, matrix[i, i])
+        floor = max(floor, low[i, i])
     floor *= 1e-15
     for j in range(n):
-        pivot = matrix[j, j]
+        pivot = low[j, j]
         for k in range(j):
             pivot -= low[j, k] * low[j, k]
         low[j, j] = sqrt(max(pivot, floor))
         for i in range(j + 1, n):
-            total = matrix[i, j]
+            total = low[i, j]
             for k in range(j):
                 total -= low[i, k] * low[j, k]
             low[i, j] = total / low[j, j]
+
+
+@bare
+def solve_factor_into(low: Floats, rhs: Floats, x: Floats) -> None:
+    """Writes ``(low lowᵀ)⁻¹ rhs`` (n,)."""
+    n = rhs.shape[0]
     for i in range(n):
         total = rhs[i]
         for k in range(i):
@@ -48,6 +47,22 @@ def solve_spd_into(matrix: Floats, rhs: Floats, x: Floats) -> None:
         for k in range(i + 1, n):
             total -= low[k, i] * x[k]
         x[i] = total / low[i, i]
+
+
+@bare
+def solve_spd_into(matrix: Floats, rhs: Floats, x: Floats) -> None:
+    """Writes ``matrix⁻¹ rhs`` (n,); the lower triangle of `matrix` (n, n) is read.
+
+    A singular system gives a huge, finite answer along its null space instead of NaN; callers
+    judge singularity by singular values, not by this solve.
+    """
+    n = rhs.shape[0]
+    low = scratch((n, n))
+    for i in range(n):
+        for k in range(i + 1):
+            low[i, k] = matrix[i, k]
+    factor(low)
+    solve_factor_into(low, rhs, x)
 
 
 @jit

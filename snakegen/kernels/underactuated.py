@@ -117,6 +117,41 @@ def level_axes(wanted: Floats) -> Floats:
     return out
 
 
+@bare
+def vectored_gimbals_into(
+    m: Floats,
+    ahead: float,
+    left: float,
+    tilt: Floats,
+    weight: float,
+    gains: Floats,
+    lower: Floats,
+    upper: Floats,
+    last: Floats,
+    out: Floats,
+) -> None:
+    """Writes gimbal angles (Ñ, 2), joint order, along ``[k_θi f'_x, k_φi f'_y, m g]``: eqs 25-28.
+
+    Args:
+        m: (Ñ, 10, 3) from `vectoring.mounts`.
+        ahead, left: N, f'_x and f'_y from `horizontal`.
+        tilt: (3, 3) from `level_axes`.
+        weight: m g [N].
+        gains: (Ñ, 2) k_φi, k_θi.
+        lower, upper: (Ñ, 2) rad, joint order.
+        last: (Ñ, 2) rad, joint order.
+        out: (Ñ, 2) rad.
+    """
+    level, direction = scratch(3), scratch(3)
+    for j in range(last.shape[0]):
+        level[0], level[1], level[2] = gains[j, 1] * ahead, gains[j, 0] * left, weight
+        size = sqrt(level[0] ** 2 + level[1] ** 2 + level[2] ** 2)
+        for k in range(3):
+            level[k] /= size
+        turn_back_into(tilt, level, direction)
+        point_thrust(m, j, direction, last[j], lower[j], upper[j], out[j])
+
+
 @jit
 def vectored_gimbals(
     m: Floats,
@@ -129,25 +164,9 @@ def vectored_gimbals(
     upper: Floats,
     last: Floats,
 ) -> Floats:
-    """Returns gimbal angles (Ñ, 2), joint order, along ``[k_θi f'_x, k_φi f'_y, m g]``: eqs 25-28.
-
-    Args:
-        m: (Ñ, 10, 3) from `vectoring.mounts`.
-        ahead, left: N, f'_x and f'_y from `horizontal`.
-        tilt: (3, 3) from `level_axes`.
-        weight: m g [N].
-        gains: (Ñ, 2) k_φi, k_θi.
-        lower, upper: (Ñ, 2) rad, joint order.
-        last: (Ñ, 2) rad, joint order.
-    """
-    out, level, direction = last.copy(), np.empty(3), np.empty(3)
-    for j in range(last.shape[0]):
-        level[0], level[1], level[2] = gains[j, 1] * ahead, gains[j, 0] * left, weight
-        size = sqrt(level[0] ** 2 + level[1] ** 2 + level[2] ** 2)
-        for k in range(3):
-            level[k] /= size
-        turn_back_into(tilt, level, direction)
-        point_thrust(m, j, direction, last[j], lower[j], upper[j], out[j])
+    """Returns the gimbal angles (Ñ, 2) of `vectored_gimbals_into`."""
+    out = np.empty(last.shape)
+    vectored_gimbals_into(m, ahead, left, tilt, weight, gains, lower, upper, last, out)
     return out
 
 
@@ -180,17 +199,23 @@ def rotor_map(m: Floats, rotor: Floats, angles: Floats) -> Floats:
     return q
 
 
-@jit
-def truncated(q: Floats, tilt: Floats) -> Floats:
-    """Returns rows ``[f_z; τ]`` (4, n) of a map (6, n): eqs 20-21.
+@bare
+def truncated_into(q: Floats, tilt: Floats, out: Floats) -> None:
+    """Writes rows ``[f_z; τ]`` (4, n) of a map (6, n): eqs 20-21.
 
     z is the level axis of the target attitude: the CoG frame's own z when the target is level.
     """
-    out = np.empty((4, q.shape[1]))
     for c in range(q.shape[1]):
         out[0, c] = tilt[2, 0] * q[0, c] + tilt[2, 1] * q[1, c] + tilt[2, 2] * q[2, c]
         for k in range(3):
             out[1 + k, c] = q[3 + k, c]
+
+
+@jit
+def truncated(q: Floats, tilt: Floats) -> Floats:
+    """Returns the rows (4, n) of `truncated_into`."""
+    out = np.empty((4, q.shape[1]))
+    truncated_into(q, tilt, out)
     return out
 
 
