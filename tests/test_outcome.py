@@ -10,6 +10,7 @@ from click.testing import CliRunner
 import snakegen
 from snakegen.cli import cli
 from snakegen.cli import flight as command
+from snakegen.errors import MissionError
 from snakegen.log import layout, plots, read
 from snakegen.log.scene import scene
 from snakegen.spec_file import load_spec
@@ -213,3 +214,21 @@ def test_a_picture_is_of_what_is_judged(failed: Recording) -> None:
     whole = replace(failed, meta={})
     ends = float(failed.time[0] + failed.time[-1])
     assert _instant(whole, None, Path("a.rrd")) == pytest.approx(0.5 * ends)
+
+
+def test_a_choice_that_a_mission_does_not_take_is_refused() -> None:
+    for words in (["--gains", "paper"], ["--allocator", "constrained"]):
+        words = ["analyze", "flight", "screw4", "--mission", "square", *words]
+        found = CliRunner().invoke(cli, words, standalone_mode=False)
+        assert isinstance(found.exception, MissionError)
+        assert "'square' has a loop of its own" in str(found.exception)
+
+
+def test_the_worst_trial_is_opened_when_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[Path] = []
+    monkeypatch.setattr("snakegen.log.view", lambda path: opened.append(Path(path)))
+    log = tmp_path / "worst.rrd"
+    asked = ("dragon4", "--duration", "0.2", "--trials", "1", "-o", str(log), "--open")
+    assert call(*asked)[0] == 0 and opened == [log]

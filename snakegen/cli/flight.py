@@ -100,6 +100,7 @@ def flight(
     if plant is not None:
         options = (*options, f"plant={plant}")
     chosen = mission_options(mission, machine, options, duration)
+    _refuse_idle(mission, machine, gains, allocator)
     at_once = min(trials or 1, workers or os.cpu_count() or 1)
     refuse_too_long(machine, chosen.get("duration") or 0.0, at_once)
     # a mission file's own folder and ending are no part of the log's name
@@ -113,7 +114,10 @@ def flight(
     check_writable(path)
     if trials is not None:
         many: dict[str, Any] = {"progress": bar, "meshes": meshes}
-        return fly_trials(machine, mission, path, trials, workers, as_json, **many, **how)
+        code = fly_trials(machine, mission, path, trials, workers, as_json, **many, **how)
+        if show:
+            view(path)
+        return code
     with bar as step:
         recording = run(machine, mission, progress=step, **how)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -128,6 +132,18 @@ def flight(
     if show:
         view(path)
     return 0 if passed else 3
+
+
+def _refuse_idle(name: str, robot: Any, gains: str | None, allocator: str) -> None:
+    """Refuses choices that a mission with a loop of its own would pass over in silence."""
+    from snakegen.errors import MissionError
+    from snakegen.verify.missions import mission as find
+
+    if (gains is not None or allocator != "paper") and hasattr(find(name, robot), "fly"):
+        raise MissionError(
+            f"--gains and --allocator are for flights; mission '{name}' has a loop of its own and "
+            "takes neither."
+        )
 
 
 def _list_missions(robot: Any) -> int:
