@@ -1,6 +1,7 @@
 """Monte Carlo: independent of threads, interruptible, and honest about what fell."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,10 +10,18 @@ from scipy.stats import binomtest
 
 import snakegen
 from snakegen.cli.flight import flight
+from snakegen.cli.trials import outcome_lines
 from snakegen.errors import MissionError, SpecError
 from snakegen.robot import load
 from snakegen.spec_file import load_spec
-from snakegen.verify.monte_carlo import Spread, fly_again, monte_carlo, perturbed, wilson
+from snakegen.verify.monte_carlo import (
+    SURVIVED,
+    Spread,
+    fly_again,
+    monte_carlo,
+    perturbed,
+    wilson,
+)
 from snakegen.verify.run import prepare
 from snakegen.verify.world import make_world
 
@@ -80,6 +89,15 @@ def test_a_robot_that_falls_has_not_survived(ready):
     assert not by_thrust[0].survived, "too weak to hold its height"
     assert found.survival == (6 - len(lost)) / 6 and not found.trials[found.worst].survived
     assert found.interval == wilson(6 - len(lost), 6)
+    assert all((set(t.failed) & set(SURVIVED) != set()) != t.survived for t in found.trials)
+    told = found.to_json()
+    assert told["failed_checks"]["position_max_m"] == len(
+        [t for t in found.trials if t.metrics["position_max_m"] > 0.5]
+    )
+    page = "\n".join(outcome_lines(told, Path("worst.rrd")))
+    assert f"position_max_m {told['failed_checks']['position_max_m']}" in page
+    none = outcome_lines(told | {"percentiles": {}}, Path("worst.rrd"))
+    assert not any("survivors" in line for line in none), "a table of nobody"
     still = monte_carlo(ready, 1, spread=Spread(0, 0, 0, 0, 0, 0)).trials[0].drawn
     assert still["lag"] == still["mass"] == still["thrust"] == 1.0
 

@@ -61,8 +61,12 @@ def outcome_lines(out: dict[str, Any], path: Path) -> list[str]:
     ]
     if out["trials"] < out["trials_asked"]:
         lines.append(f"interrupted: {out['trials_asked']} were asked for")
-    head = "".join(f"{f'{p}th':>12}" for p in out["percentiles_of"])
-    lines.append(f"  {'percentiles':<26}{head}")
+    if out["failed_checks"]:
+        counts = ", ".join(f"{name} {count}" for name, count in out["failed_checks"].items())
+        lines.append(f"failed checks: {counts}")
+    if out["percentiles"]:
+        head = "".join(f"{f'{p}th':>12}" for p in out["percentiles_of"])
+        lines.append(f"  {'of the survivors':<26}{head}")
     for key in _SHOWN:
         if key in out["percentiles"]:
             numbers = "".join(f"{v:12.4g}" for v in out["percentiles"][key])

@@ -6,6 +6,7 @@ its own, made from seed and number, so that results do not depend on how many th
 
 import copy
 import os
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, fields, replace
@@ -58,7 +59,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Trial:
-    """One flight: its number, what was drawn, its metrics and whether it was flown."""
+    """One flight: its number, what was drawn, its metrics, whether it was flown, what it failed."""
 
     number: int
     drawn: dict[str, float]
@@ -66,6 +67,7 @@ class Trial:
     survived: bool
     passed: bool
     stopped: str
+    failed: tuple[str, ...]  # checks of the verdict
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,7 @@ class MonteCarlo:
             "uncertainty": vars(self.spread),
             "survived": sum(t.survived for t in self.trials),
             "passed_all_checks": sum(t.passed for t in self.trials),
+            "failed_checks": dict(Counter(c for t in self.trials for c in t.failed).most_common()),
             "survival": self.survival,
             "survival_interval_95": list(self.interval),
             "percentiles": {k: list(v) for k, v in self.percentiles.items()},
@@ -183,8 +186,9 @@ def _trial(
     flown = ready.flown(changed, imperfections, rng, seed, look, margins=False)
     checks = flown.verdict.checks if flown.verdict is not None else ()
     survived = all(c.passed for c in checks if c.metric in SURVIVED)
-    passed = all(c.passed for c in checks)
-    return Trial(number, drawn, flown.metrics, survived, passed, str(flown.meta["stopped"]))
+    failed = tuple(c.metric for c in checks if not c.passed)
+    stopped = str(flown.meta["stopped"])
+    return Trial(number, drawn, flown.metrics, survived, not failed, stopped, failed)
 
 
 def perturbed(
