@@ -163,6 +163,12 @@ def test_an_undefined_margin_does_not_hide_the_smallest():
     margin[-2] = np.nan
     m = metrics(_with(run, force_margin=channel("force_margin", margin, time=slow)))
     assert m["force_margin_min_n"] == 3.0 and m["finite"] is True
+    scaled = np.where(np.isnan(margin), -0.1, 0.2)
+    for wrench, least in ((scaled, 0.0), (np.abs(scaled), 3.0)):
+        signed = channel("wrench_margin", wrench, time=slow)
+        told = _with(run, force_margin=channel("force_margin", margin, time=slow))
+        found = metrics(_with(told, wrench_margin=signed))
+        assert found["force_margin_min_n"] == least, "out of reach: nothing is borne"
 
 
 def test_window_limits_what_is_measured():

@@ -199,6 +199,11 @@ def _minima(recording: Recording, start: float, end: float) -> dict[str, Any]:
         if name in recording.channels:
             values = _cut(recording, name, start, end)
             # NaN is how a margin says "not defined here"; the rest still has a smallest value.
+            # Where hover itself is out of reach no force and no torque is borne beside it.
+            if "wrench_margin" in recording.channels and name in ("force_margin", "torque_margin"):
+                times = recording.times(name)[_inside(recording.times(name), start, end)]
+                reach = recording.held("wrench_margin", times)
+                values = np.where(np.isnan(values) & (reach < 0.0), 0.0, values)
             defined = values[~np.isnan(values)]
             out[key] = _worst(defined, np.min)
     return out
