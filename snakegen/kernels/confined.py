@@ -20,9 +20,11 @@ from snakegen.kernels.fully_actuated import (
 from snakegen.kernels.joint_loads import JointLoads
 from snakegen.kernels.linear import cross_into, dot, turn_into
 from snakegen.kernels.tree import Floats
-from snakegen.kernels.vectoring import AXIS, FIRST, SECOND, thrust_line, turned_into
+from snakegen.kernels.vectoring import AXIS, FIRST, ORIGIN, POINT, SECOND, thrust_line, turned_into
 
 LEAST, NEAR, CALMLY = 0, 1, 2  # which of all the answers
+LEAST_TURNED = 0.5  # N; what turns a lesser force moves its point for next to nothing
+LEAST_SWEPT = 0.05  # of ‖∂u/∂x‖²; less is too near θ = ±90° to be told by a derivative
 
 
 @bare
@@ -74,6 +76,51 @@ def confined_forces_into(forces: Floats, allowed: Floats, out: Floats) -> None:
             out[3 * j + c] = 0.0
             for k in range(3):
                 out[3 * j + c] += allowed[j, c, k] * forces[3 * j + k]
+
+
+@bare
+def turning_map_into(m: Floats, angles: Floats, forces: Floats, allowed: Floats, q: Floats) -> None:
+    """Writes the derivative (6, 3Ñ) of the wrench by forces whose gimbals follow them.
+
+    ``dw = [df; p × df + c df + dp × f]`` with ``dp = Σ_k (∂p/∂x_k) dx_k`` and
+    ``dx_k = (∂u/∂x_k · df) / (‖f‖ ‖∂u/∂x_k‖²)``: thrust points move as their gimbals turn (THEORY
+    A7). Along f itself nothing turns, so the map times `forces` is their wrench.
+
+    Args:
+        m: (Ñ, 10, 3) from `vectoring.mounts`.
+        angles: (Ñ, 2) rad, joint order, at which the gimbals aim.
+        forces: (3Ñ,) N, CoG axes, along which they aim there; 0 where that is not known.
+        allowed: (Ñ, 3, 3) projectors, see `confinement`.
+        q: (6, 3Ñ)
+    """
+    u, p, axis, arm = scratch(3), scratch(3), scratch(3), scratch(3)
+    du, dp, moment = scratch(3), scratch(3), scratch(3)
+    once, twice, elbow = scratch((3, 3)), scratch((3, 3)), scratch(3)
+    point_map_into(m, angles, allowed, q)
+    for j in range(angles.shape[0]):
+        force = forces[3 * j : 3 * j + 3]
+        size = sqrt(dot(force, force))
+        if size < LEAST_TURNED:
+            continue
+        turned_into(m, j, angles[j, 0], angles[j, 1], once, twice, elbow)
+        turn_into(twice, m[j, AXIS], u)
+        turn_into(twice, m[j, POINT], p)
+        for k in range(3):
+            p[k] += elbow[k]
+        for kind in range(2):
+            turn_into(once, m[j, FIRST + kind], axis)
+            for k in range(3):
+                arm[k] = p[k] - (m[j, ORIGIN, k] if kind == 0 else elbow[k])
+            cross_into(axis, u, du)
+            cross_into(axis, arm, dp)
+            cross_into(dp, force, moment)
+            bulk = size * max(dot(du, du), LEAST_SWEPT)
+            for c in range(3):
+                row = 0.0
+                for k in range(3):
+                    row += allowed[j, k, c] * du[k] / bulk
+                for k in range(3):
+                    q[3 + k, 3 * j + c] += moment[k] * row
 
 
 @bare
@@ -148,9 +195,11 @@ def bounded_forces(
         for k in range(2):
             angles[j, k] = last[j, k]
     confinement_into(m, angles, allowed)
+    for c in range(3 * n):
+        forces[c] = 0.0
     top[0] = nan
     for _ in range(rounds):
-        point_map_into(m, angles, allowed, q)
+        turning_map_into(m, angles, forces, allowed, q)
         if near != LEAST:
             confined_forces_into(internal, allowed, kept)
             near_forces_into(q, wrench, rows, limit, kept, near == CALMLY, top, forces)

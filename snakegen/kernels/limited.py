@@ -3,14 +3,9 @@
 from snakegen.kernels.balls import least_forces_into
 from snakegen.kernels.bare import bare
 from snakegen.kernels.borrowed import scratch
-from snakegen.kernels.confined import CALMLY, LEAST, NEAR, bounded_forces
+from snakegen.kernels.confined import CALMLY, LEAST, NEAR, bounded_forces, turning_map_into
 from snakegen.kernels.control_types import Body, Law
-from snakegen.kernels.fully_actuated import (
-    confinement_into,
-    forces_into,
-    point_map_into,
-    wrench_into,
-)
+from snakegen.kernels.fully_actuated import confinement_into, forces_into, wrench_into
 from snakegen.kernels.joint_loads import JointLoads, force_loads_into, overloaded
 from snakegen.kernels.linear import turn_back_into, turn_into
 from snakegen.kernels.tree import Floats, Gimbals, Tree
@@ -95,9 +90,9 @@ def apart_from_least_into(
     n = limit.shape[0]
     allowed, q, least = scratch((n, 3, 3)), scratch((6, 3 * n)), scratch(3 * n)
     confinement_into(m, angles, allowed)
-    point_map_into(m, angles, allowed, q)
-    least_forces_into(q, wrench, rows, limit, least)
     forces_into(m, thrust, angles, out)
+    turning_map_into(m, angles, out, allowed, q)
+    least_forces_into(q, wrench, rows, limit, least)
     for c in range(3 * n):
         out[c] -= least[c]
 
