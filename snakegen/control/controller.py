@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.control.gains import Floats, Gains, gains_from
+from snakegen.control.servos import gimbal_give, gimbal_limits, joint_limits
 from snakegen.errors import SnakegenError, SpecError, near
 from snakegen.kernels.control_tick import control_tick
 from snakegen.kernels.control_types import DUAL, VIRTUAL, Command, Law, Measured, State, Target
@@ -17,7 +18,6 @@ from snakegen.kernels.tree import Gimbals, Rotors, Tree
 from snakegen.robot import GRAVITY, Robot
 
 MODES = {"virtual_single_rotor": VIRTUAL, "dual_rotor": DUAL}
-SERVO_SHARE = 0.98  # of a joint servo's torque that the constrained allocator may plan with
 INTERNAL_TIME = (0.5, 0.02)  # s; slow beside the attitude loop; several ticks
 ROOT_AXES_UP_TO = 8  # links; longer bodies fly by the middle link's axes (THEORY A6)
 
@@ -124,6 +124,7 @@ def law_of(
     *,
     gimbal_lower: Any = -np.pi,
     gimbal_upper: Any = np.pi,
+    gimbal_give: Any = 0.0,
     axes_body: int = 0,
     axes_rotation: Any = None,
     gyroscopic: bool = True,
@@ -151,6 +152,7 @@ def law_of(
         float(gains.tilt_limit),
         np.broadcast_to(np.asarray(gimbal_lower, float), (n, 2)).copy(),
         np.broadcast_to(np.asarray(gimbal_upper, float), (n, 2)).copy(),
+        np.broadcast_to(np.asarray(gimbal_give, float), (n, 2)).copy(),
         int(axes_body),
         np.eye(3) if axes_rotation is None else np.array(axes_rotation, float),
         int(gyroscopic),
@@ -228,8 +230,8 @@ def flight_controller(
     axes = str(axes or control.get("axes", "auto"))
     _among(axes, ("auto", "root", "middle"), "axes")
     body, turn = _axes_body(robot, axes)
-    lower, upper = _gimbal_limits(robot)
-    bodies, torque = _joint_limits(robot)
+    lower, upper = gimbal_limits(robot)
+    bodies, torque = joint_limits(robot)
     told = {"sigma_min": 0.02, "rate_filter": 0.0}
     options = {k: float(control.get(k, v)) for k, v in told.items()} | options
     law = law_of(
@@ -237,6 +239,7 @@ def flight_controller(
         robot.gimbals,
         gimbal_lower=lower,
         gimbal_upper=upper,
+        gimbal_give=gimbal_give(robot),
         axes_body=body,
         axes_rotation=turn,
         constrained=allocator == "constrained",
@@ -278,25 +281,3 @@ def _axes_body(robot: Robot, axes: str) -> tuple[int, Floats]:
         return 0, np.eye(3)
     body, turn, _ = robot.body_of_link(links[(len(links) - 1) // 2])
     return body, turn
-
-
-def _joint_limits(robot: Robot) -> tuple[list[int], Floats]:
-    """Returns the bodies that driven chain joints move, and the torque [N m] to keep to.
-
-    A share of the servo's limit is left to follow the motion itself.
-    """
-    driven = {s.joint for s in robot.modules.servos}
-    names = [n for n in robot.chain_joints if n in driven]
-    names = [n for n in names if 0.0 < robot.limits([n])[2][0] < np.inf]
-    return [robot.body_of_joint(n) for n in names], SERVO_SHARE * robot.limits(names)[2]
-
-
-def _gimbal_limits(robot: Robot) -> tuple[Floats, Floats]:
-    n = len(robot.modules.apparatuses)
-    lower, upper = np.zeros((n, 2)), np.zeros((n, 2))
-    for j, a in enumerate(robot.modules.apparatuses):
-        for k, name in enumerate((a.roll, a.pitch)):
-            if name is not None:
-                low, high, _ = robot.limits([name])
-                lower[j, k], upper[j, k] = low[0], high[0]
-    return lower, upper

@@ -8,8 +8,10 @@ from snakegen.control.controller import Controller, ControlRefused
 from snakegen.control.frame import CogFrame
 from snakegen.control.fully_actuated import Allocation
 from snakegen.control.gains import Floats
+from snakegen.kernels.compliant import yielding_thrusts
 from snakegen.kernels.joint_loads import no_loads
-from snakegen.kernels.mode_allocation import DUAL_SIGMA_MIN, allocate_dual
+from snakegen.kernels.mode_allocation import DUAL_SIGMA_MIN
+from snakegen.kernels.mode_dual import allocate_dual
 from snakegen.kernels.underactuated import (
     horizontal,
     level_axes,
@@ -94,15 +96,14 @@ def allocate(
     turns = np.array(gimbals, float)
     full = rotor_map(m, frame.rotors, joint_order(m, turns))
     q, wanted = truncated(full, tilt), truncated_wrench(np.array(wrench, float), tilt)
-    thrust, sigma = allocate_dual(
-        q,
-        wanted,
-        frame.scale[2:],
-        rotors.thrust_min,
-        rotors.thrust_max,
-        law.constrained,
-        no_loads(q.shape[1]),
-    )
+    least, most, free = rotors.thrust_min, rotors.thrust_max, no_loads(q.shape[1])
+    if law.constrained:
+        angles, give = joint_order(m, turns), joint_order(m, law.gimbal_give)
+        thrust, sigma = yielding_thrusts(
+            m, frame.rotors, angles, give, tilt, wanted, frame.scale[2:], least, most, free
+        )
+    else:
+        thrust, sigma = allocate_dual(q, wanted, frame.scale[2:], least, most, 0, free)
     if sigma < DUAL_SIGMA_MIN and not force:
         raise ControlRefused(
             f"dual-rotor mode cannot hold this posture: scaled σ_min of [f_z; τ] is {sigma:.2g}; "

@@ -52,6 +52,7 @@ class Law(NamedTuple):
     tilt_limit: float  # rad, clamp of commanded roll and pitch
     gimbal_lower: Floats  # (Ñ, 2) rad, roll and pitch
     gimbal_upper: Floats  # (Ñ, 2) rad
+    gimbal_give: Floats  # (Ñ, 2) rad/(N m), roll and pitch: by how much their servos give way
     axes_body: int  # body whose axes the CoG frame has
     axes_rotation: Floats  # (3, 3) CoG axes in that body's axes
     gyroscopic: int  # 1 adds ω × I ω to the torque

@@ -8,12 +8,13 @@ import numpy as np
 
 from snakegen.kernels.bare import bare
 from snakegen.kernels.borrowed import scratch
-from snakegen.kernels.bounded import box_within_into
+from snakegen.kernels.compliant import yielding_answer
 from snakegen.kernels.control_types import Body, Law
 from snakegen.kernels.fully_actuated import refine, spread_forces, wrench_jacobian_into
 from snakegen.kernels.jit import jit
-from snakegen.kernels.joint_loads import JointLoads, overloaded, rotor_loads_into
-from snakegen.kernels.limited import LIMIT_SLACK, bounded_answer
+from snakegen.kernels.joint_loads import JointLoads, rotor_loads_into
+from snakegen.kernels.limited import bounded_answer
+from snakegen.kernels.mode_dual import dual_answer, outside
 from snakegen.kernels.spd import least_norm_into, least_singular_value
 from snakegen.kernels.tree import Floats, Gimbals, Rotors, Tree
 from snakegen.kernels.underactuated import (
@@ -22,6 +23,7 @@ from snakegen.kernels.underactuated import (
     truncated_wrench_into,
     vectored_gimbals_into,
 )
+from snakegen.kernels.vectoring import joint_order_into
 
 DUAL_SIGMA_MIN = 1e-3  # least scaled σ_min(Q_trunc) flown: yaw by drag alone has about 1.5 κ
 
@@ -40,12 +42,6 @@ def wrench_scale(mass: float, gravity: float, length: float) -> Floats:
     rows = np.empty(6)
     wrench_scale_into(mass, gravity, length, rows)
     return rows
-
-
-@bare
-def outside(x: float, lower: float, upper: float) -> bool:
-    """Tells whether x passes its limits."""
-    return x < lower - LIMIT_SLACK or x > upper + LIMIT_SLACK
 
 
 @bare
@@ -133,55 +129,6 @@ def allocate_virtual(
 
 
 @bare
-def dual_answer(
-    q: Floats,
-    wanted: Floats,
-    rows: Floats,
-    thrust_min: Floats,
-    thrust_max: Floats,
-    constrained: int,
-    loads: JointLoads,
-    thrust: Floats,
-) -> float:
-    """Writes rotor thrusts (n,) and returns the scaled σ_min(Q_trunc): eqs 20-22.
-
-    Weights: thrusts are normalised by their limits.
-
-    Args:
-        q: (4, n) truncated map at the gimbal angles in use.
-        wanted: (4,) ``[f_z; τ]``.
-        rows: (4,) their scale.
-        thrust_min, thrust_max: (n,) N.
-        constrained: 1 keeps the thrusts within limits.
-        loads: bounds of the joints on the thrusts, kept likewise.
-        thrust: (n,) N.
-    """
-    beyond = False
-    least_norm_into(q, thrust_max, wanted, thrust)
-    for r in range(thrust.shape[0]):
-        beyond |= outside(thrust[r], thrust_min[r], thrust_max[r])
-    if constrained and (beyond or overloaded(loads, thrust)):
-        box_within_into(q, wanted, rows, thrust_max, thrust_min, thrust_max, loads, thrust)
-    return least_singular_value(q, rows, thrust_max)
-
-
-@jit
-def allocate_dual(
-    q: Floats,
-    wanted: Floats,
-    rows: Floats,
-    thrust_min: Floats,
-    thrust_max: Floats,
-    constrained: int,
-    loads: JointLoads,
-) -> tuple[Floats, float]:
-    """Returns rotor thrusts (n,) and the scaled σ_min(Q_trunc) of `dual_answer`."""
-    thrust = np.empty(q.shape[1])
-    sigma = dual_answer(q, wanted, rows, thrust_min, thrust_max, constrained, loads, thrust)
-    return thrust, sigma
-
-
-@bare
 def smooth(s: float) -> float:
     """Returns ``3 s² - 2 s³``: a blend that starts and ends at rest."""
     return s * s * (3.0 - 2.0 * s)
@@ -266,13 +213,18 @@ def lean(
         bent.rows,
         bent.bias,
     )
-    if share == 0.0:
-        return dual_answer(
-            q, part, rows[2:], rotors.thrust_min, rotors.thrust_max, law.constrained, bent, thrust
+    split, least, most = scratch(count), rotors.thrust_min, rotors.thrust_max
+    if law.constrained:
+        give = scratch((n, 2))
+        joint_order_into(m, law.gimbal_give, give)
+        sigma = yielding_answer(
+            m, rotor, angles, give, tilt, part, rows[2:], least, most, bent, split
         )
-    split = scratch(count)
-    sigma = dual_answer(
-        q, part, rows[2:], rotors.thrust_min, rotors.thrust_max, law.constrained, bent, split
-    )
-    blend(q, part, rotors.thrust_max, thrust, split, share)
+    else:
+        sigma = dual_answer(q, part, rows[2:], least, most, 0, bent, split)
+    if share > 0.0:
+        blend(q, part, most, thrust, split, share)
+    else:
+        for r in range(count):
+            thrust[r] = split[r]
     return sigma

@@ -1,0 +1,42 @@
+"""What a robot's servos can do, as the control law takes it."""
+
+import numpy as np
+
+from snakegen.control.gains import Floats
+from snakegen.robot import Robot
+
+SERVO_SHARE = 0.98  # of a joint servo's torque that the constrained allocator may plan with
+
+
+def joint_limits(robot: Robot) -> tuple[list[int], Floats]:
+    """Returns the bodies that driven chain joints move, and the torque [N m] to keep to.
+
+    A share of the servo's limit is left to follow the motion itself.
+    """
+    driven = {s.joint for s in robot.modules.servos}
+    names = [n for n in robot.chain_joints if n in driven]
+    names = [n for n in names if 0.0 < robot.limits([n])[2][0] < np.inf]
+    return [robot.body_of_joint(n) for n in names], SERVO_SHARE * robot.limits(names)[2]
+
+
+def gimbal_limits(robot: Robot) -> tuple[Floats, Floats]:
+    """Returns the least and greatest angles (Ñ, 2) [rad] of the gimbals, roll and pitch."""
+    n = len(robot.modules.apparatuses)
+    lower, upper = np.zeros((n, 2)), np.zeros((n, 2))
+    for j, a in enumerate(robot.modules.apparatuses):
+        for k, name in enumerate((a.roll, a.pitch)):
+            if name is not None:
+                low, high, _ = robot.limits([name])
+                lower[j, k], upper[j, k] = low[0], high[0]
+    return lower, upper
+
+
+def gimbal_give(robot: Robot) -> Floats:
+    """Returns (Ñ, 2) rad/(N m) of the roll and pitch servos: 1 over their stiffness."""
+    stiff = {s.joint: s.stiffness for s in robot.modules.servos}
+    give = np.zeros((len(robot.modules.apparatuses), 2))
+    for j, a in enumerate(robot.modules.apparatuses):
+        for k, name in enumerate((a.roll, a.pitch)):
+            if name is not None and stiff.get(name, 0.0) > 0.0:
+                give[j, k] = 1.0 / stiff[name]
+    return give
