@@ -141,12 +141,12 @@ def test_the_joint_limit_is_part_of_the_forecast(robot, hover):
 
 @pytest.mark.parametrize("allocator", ["paper", "constrained"])
 def test_a_push_is_lost_where_the_analysis_says(robot, allocator):
-    options = {"kind": "torque", "slow": 12.0}
+    options = {"kind": "torque", "slow": 40.0}
     recording = run(robot, "push", allocator=allocator, ideal=True, options=options)
     m = recording.metrics
-    assert m["tracking_lost"] and 0.95 <= m["ratio"] <= 1.1
+    assert m["tracking_lost"] and 0.95 <= m["ratio"] <= 1.05
     if allocator == "paper":
-        assert m["limit_ratio"] == pytest.approx(1.0, abs=0.05)
+        assert m["limit_ratio"] == pytest.approx(1.0, abs=0.003)
     # the same push called by another name would show at once
     half = np.array(m["predicted_wrench"]) * 0.5
     lost = np.array(m["lost_wrench"])
@@ -161,11 +161,11 @@ BENT = {
 
 def test_a_push_by_force_is_held_where_joints_stop_it(robot):
     """Thrust traded for joint torque: at once it swung up at 0.85 of the prediction."""
-    options = {"kind": "force", "posture": BENT, "slow": 12.0}
+    options = {"kind": "force", "posture": BENT, "slow": 40.0}
     recording = run(robot, "push", allocator="constrained", ideal=True, options=options)
     found, m = recording.meta["facts"]["forecast"], recording.metrics
-    assert found["settled"] and found["held"] < 0.6 * found["thrust_only"]
-    assert m["tracking_lost"] and 0.95 <= m["ratio"] <= 1.1
+    assert found["held_loaded"] and found["held"] < 0.6 * found["thrust_only"]
+    assert m["tracking_lost"] and 0.95 <= m["ratio"] <= 1.05
 
 
 def test_a_push_on_another_link_is_held_too(robot):
@@ -173,8 +173,8 @@ def test_a_push_on_another_link_is_held_too(robot):
     recording = run(robot, "push", ideal=True, options=options)
     own = forecast(robot, flight_controller(robot), recording_start(robot), "torque")
     assert recording.meta["facts"]["forecast"]["held"] != pytest.approx(own.held, rel=1e-3)
-    assert recording.metrics["limit_ratio"] == pytest.approx(1.0, abs=0.05)
-    assert 0.95 <= recording.metrics["ratio"] <= 1.1
+    assert recording.metrics["limit_ratio"] == pytest.approx(1.0, abs=0.01)
+    assert 0.95 <= recording.metrics["ratio"] <= 1.06
 
 
 def recording_start(robot):
@@ -229,13 +229,6 @@ def test_internal_forces_ease_in_and_end_within_the_joints_limits(robot):
         nudges = 0.01 * np.eye(3)
         moved[name] = max(np.linalg.norm(tick(e)[0] - forces) for e in nudges) / 0.01
     assert moved["eased"] < 1.5 < moved["abrupt"], moved
-
-
-def test_rounds_that_do_not_settle_promise_the_least(robot):
-    start = place(robot, resting_joints(robot, BENT), np.array([0.0, 0.0, 4.0]))
-    found = forecast(robot, flight_controller(robot, allocator="constrained"), start, "torque")
-    assert not found.settled and found.held <= found.at_posture * (1 + 1e-9)
-    assert found.to_json()["settled"] is False
 
 
 STRAIGHT = {"joint1_yaw": 0.0, "joint2_yaw": 0.0, "joint3_yaw": 0.0}

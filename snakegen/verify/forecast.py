@@ -1,10 +1,10 @@
 """What the analysis promises before a push: how much of it this allocator holds, on this link.
 
-The reach is worked out where the robot will be when it gets there: each round turns the gimbals
-as the forces at the end of the ray ask, lets every servo give way under its torque by τ/k, and
-starts anew. Without that a dual-rotor robot, whose yaw is drag alone, is some 15 % off. Where the
-thrust points move much with gimbals that point many ways, the rounds need not settle; then the
-least of them is promised.
+Two figures: that of the posture as it is commanded, and that of the body as it stands under the
+push, its servos behind their commands by τ/k and its thrust points where the gimbals take them. In
+dual-rotor mode, whose yaw is drag alone, servos that give way by a hundredth of a radian change
+the reach by a quarter and more. The paper's allocator promises the second; the constrained one,
+whose second figure is the most that any answer could hold, the lesser of both.
 """
 
 from dataclasses import dataclass
@@ -16,24 +16,17 @@ from numpy.typing import NDArray
 from snakegen.analysis.allocation import Allocation, allocation
 from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
 from snakegen.control.controller import Controller
-from snakegen.control.frame import cog_frame
 from snakegen.errors import MissionError
-from snakegen.geometry import move_wrench
-from snakegen.kernels.chain import centre_of_gravity, forward
 from snakegen.kernels.control_types import VIRTUAL
-from snakegen.kernels.fully_actuated import aim_forces
-from snakegen.kernels.vectoring import joint_order
 from snakegen.kinetostatics.joint_loads import joint_loads
-from snakegen.kinetostatics.law import joint_torques
 from snakegen.margins.inputs import force_map
 from snakegen.margins.rays import Bounds, Reach, inverse_ray, thrust_ray, vectored_ray
-from snakegen.posture import set_angle
 from snakegen.robot import Robot
+from snakegen.verify.loaded import Load, load_on
+from snakegen.verify.reach_loaded import LoadedReach, farthest, follow
 
 Floats = NDArray[np.float64]
 KINDS = {"force": slice(0, 3), "torque": slice(3, 6), "wrench": slice(0, 6)}
-ROUNDS = 8
-SETTLED = 2e-3  # change of reach in the last round, of its size
 _SAMPLES = 3000  # directions tried for the weakest of a pseudo-inverse, then refined
 
 
@@ -43,35 +36,35 @@ class Forecast:
 
     Attributes:
         push: (6,) unit of the push on the robot, N and N m, root-link axes, about the CoG.
-        held: multiple of it that can be held, thrust and joints within limits.
-        thrust_only: the same without the joints' limits.
-        settled: whether the last rounds agree; else `held` is the least of them.
-        at_posture: `held` with the gimbals as the posture has them (the analysis' own number).
-        stopped: what is at its limit there.
-        link: that carries the push.
+        held: multiple of it that is promised, thrust and joints within limits.
+        thrust_only: the same at the commanded posture without the joints' limits.
+        at_posture: what the commanded posture holds (the analysis' own number).
+        loaded: what the body holds as it gives way under the push; nan where no answer was found.
+        stopped: what is at its limit at `held`.
+        link: that carries it.
     """
 
     push: Floats
     held: float
     thrust_only: float
     at_posture: float
+    loaded: float
     stopped: tuple[str, ...]
     link: str
-    settled: bool
 
     def to_json(self) -> dict[str, Any]:
-        """Returns plain data; infinite values are null."""
+        """Returns plain data; values that are not finite are null."""
         numbers = {
             "held": self.held,
             "thrust_only": self.thrust_only,
             "held_at_posture": self.at_posture,
+            "held_loaded": self.loaded,
         }
         plain = {k: v if np.isfinite(v) else None for k, v in numbers.items()}
         return plain | {
             "push": self.push.tolist(),
             "stopped": list(self.stopped),
             "link": self.link,
-            "settled": self.settled,
         }
 
 
@@ -93,24 +86,31 @@ def forecast(
         raise MissionError(f"kind '{kind}': force, torque or wrench is needed.")
     name = link or robot.root_link
     direction = _weakest(robot, controller, q, kind, name)
-    first = _reach(robot, controller, q, direction, name)
-    found, settled = [(np.array(q), first)], False
-    for _ in range(ROUNDS):
-        reach = found[-1][1]
-        if not 0 < reach.t < np.inf:
-            break
-        asked = _aimed(robot, controller, q, reach.x) if controller.mode == VIRTUAL else q
-        now = _given_way(robot, controller, asked, reach, direction, name)
-        found.append((now, _reach(robot, controller, now, direction, name)))
-        settled = abs(found[-1][1].t - reach.t) <= SETTLED * reach.t
-    now, reach = found[-1] if settled else min(found, key=lambda round_: round_[1].t)
-    if not 0 < reach.t < np.inf:
+    rigid = _reach(robot, controller, q, direction, name)
+    if not 0 < rigid.t < np.inf:
         raise MissionError(
             f"{robot.name} holds no push in this posture: its margin is 0 or not defined."
         )
-    free = _reach(robot, controller, now, direction, name, joints=False)
-    stopped = _names(robot, controller, reach)
-    return Forecast(direction, reach.t, free.t, first.t, stopped, name, settled)
+    free = _reach(robot, controller, q, direction, name, joints=False)
+    load = load_on(robot, controller, q, direction, name)
+    if controller.law.constrained:
+        bent = farthest(load, _unknowns(load, rigid))
+    else:
+        bent = follow(load, rigid.t)
+    rigid_is_less = controller.law.constrained and rigid.t <= bent.t
+    if rigid_is_less or not np.isfinite(bent.t):
+        held, stopped = rigid.t, _names(robot, controller, rigid)
+    else:
+        held, stopped = bent.t, _names_loaded(load, bent)
+    return Forecast(direction, held, free.t, rigid.t, bent.t, stopped, name)
+
+
+def _unknowns(load: Load, reach: Reach) -> Floats:
+    """Returns the first guess of `farthest`: the forces at the end of a ray, world axes, and t."""
+    if not load.virtual:
+        return np.concatenate([reach.x, np.zeros(2), [reach.t]])
+    base = load.robot.base_pose(load.q)[0]
+    return np.append((reach.x.reshape(-1, 3) @ base.T).ravel(), reach.t)
 
 
 def _map(robot: Robot, controller: Controller, a: Allocation) -> Floats:
@@ -220,55 +220,6 @@ def _least(reach: Any, size: int) -> Floats:
     return np.asarray(best, float)
 
 
-def _aimed(robot: Robot, controller: Controller, q: Floats, forces: Floats) -> Floats:
-    """Returns q with the gimbals turned to apparatus forces (3Ñ,) in root-link axes."""
-    base, origin = robot.base_pose(q)
-    angles = robot.angles(q)
-    frame = cog_frame(controller, angles, base, origin)
-    turn = frame.axes.T @ base
-    flat = (forces.reshape(-1, 3) @ turn.T).ravel()
-    gimbals, law, m = robot.gimbals, controller.law, frame.mounts
-    held = np.zeros((controller.apparatuses, 2))
-    for j in range(len(held)):
-        for k, body in enumerate((gimbals.roll_body[j], gimbals.pitch_body[j])):
-            held[j, k] = angles[body - 1] if body >= 0 else 0.0
-    turned, thrust = joint_order(m, held), np.zeros(len(held))
-    lower, upper = joint_order(m, law.gimbal_lower), joint_order(m, law.gimbal_upper)
-    aim_forces(m, np.ascontiguousarray(flat), lower, upper, thrust, turned)
-    out, back = np.array(q), joint_order(m, turned)
-    for j, apparatus in enumerate(robot.modules.apparatuses):
-        for k, name in enumerate((apparatus.roll, apparatus.pitch)):
-            if name is not None:
-                set_angle(robot, out, name, float(back[j, k]))
-    return out
-
-
-def _given_way(
-    robot: Robot, controller: Controller, q: Floats, reach: Reach, push: Floats, link: str
-) -> Floats:
-    """Returns q with every servo behind its command by torque over stiffness."""
-    thrust = reach.x
-    if controller.mode == VIRTUAL:
-        sizes = np.linalg.norm(reach.x.reshape(-1, 3), axis=1)
-        count = np.bincount(robot.rotors.apparatus)
-        thrust = (sizes / count)[robot.rotors.apparatus]
-    base, _ = robot.base_pose(q)
-    poses = forward(robot.tree, *robot.base_pose(q), robot.angles(q))
-    _, cog = centre_of_gravity(robot.tree, *poses)
-    body, _, origin = robot.body_of_link(link)
-    lever = cog - (poses[1][body] + poses[0][body] @ origin)
-    pushed = reach.t * np.concatenate([base @ push[:3], base @ push[3:]])
-    torque = joint_torques(
-        robot, q, terms="static", thrust=thrust, wrenches={link: move_wrench(pushed, lever)}
-    )[6:]
-    out, angles = np.array(q), robot.angles(q)
-    for servo in robot.modules.servos:
-        i = robot.joint_names.index(servo.joint)
-        if servo.stiffness > 0:
-            set_angle(robot, out, servo.joint, float(angles[i] - torque[i] / servo.stiffness))
-    return out
-
-
 def _names(robot: Robot, controller: Controller, reach: Reach) -> tuple[str, ...]:
     """Returns what stops a reach, by the names of rotors, apparatuses and joints."""
     driven = {s.joint for s in robot.modules.servos}
@@ -283,3 +234,15 @@ def _names(robot: Robot, controller: Controller, reach: Reach) -> tuple[str, ...
         else:
             out.append(f"apparatus {i + 1}" if controller.mode == VIRTUAL else rotors[i])
     return tuple(out)
+
+
+def _names_loaded(load: Load, reach: LoadedReach) -> tuple[str, ...]:
+    """Returns what stops a reach of the body that gives way, by name."""
+    rotors = [r.link for a in load.robot.modules.apparatuses for r in a.rotors]
+    out = []
+    for what, i in reach.stopped:
+        if what == "servo":
+            out.append(load.servos[i])
+        else:
+            out.append(f"apparatus {i + 1}" if load.virtual else rotors[i])
+    return tuple(dict.fromkeys(out))
