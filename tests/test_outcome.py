@@ -135,6 +135,10 @@ def test_words_of_the_other_missions() -> None:
     assert outcome({"facts": {}}, {"carried_off_m": 0.1, "recovery_s": None}) == [
         "carried off 0.100 m, did not come back"
     ]
+    blown = {"carried_off_m": 0.1, "recovery_s": 1.0}
+    assert outcome({"options": {"turbulence": 1.5}}, blown) == [
+        "carried off 0.100 m by gust and turbulence"
+    ]
     assert outcome({}, {"opening_m": 0.5, "span_over_opening": 2.0})
     assert not outcome({"facts": None}, {"battery_used": 0.99})
 

@@ -15,7 +15,7 @@ def outcome(meta: Dict, found: Dict) -> list[str]:
         meta: of the recording; its facts are what the plan knew beforehand.
         found: the metrics.
     """
-    facts = meta.get("facts") or {}
+    facts = {"options": meta.get("options") or {}} | (meta.get("facts") or {})
     return [line for tell in _TELLERS for line in tell(facts, found)]
 
 
@@ -68,9 +68,11 @@ def _steps(facts: Dict, found: Dict) -> list[str]:
 def _gust(facts: Dict, found: Dict) -> list[str]:
     if found.get("carried_off_m") is None:
         return []
-    back = found.get("recovery_s")
+    off, back = f"carried off {found['carried_off_m']:.3f} m", found.get("recovery_s")
+    if facts["options"].get("turbulence"):  # which goes on: there is nothing to come back to
+        return [f"{off} by gust and turbulence"]
     came = "did not come back" if back is None else f"back within 5 cm {back:.2f} s after the gust"
-    return [f"carried off {found['carried_off_m']:.3f} m, {came}"]
+    return [f"{off}, {came}"]
 
 
 def _switch(facts: Dict, found: Dict) -> list[str]:
