@@ -12,10 +12,11 @@ from snakegen.cli import cli
 from snakegen.cli import flight as command
 from snakegen.errors import MissionError
 from snakegen.log import layout, plots, read
+from snakegen.log.events import merged
 from snakegen.log.scene import scene
 from snakegen.spec_file import load_spec
 from snakegen.verify.outcome import outcome
-from snakegen.verify.recording import Recording
+from snakegen.verify.recording import Event, Recording
 from snakegen.verify.run import run
 
 PATH = """
@@ -103,16 +104,26 @@ def _least_thrust(pitch: float) -> float:
 
 def test_a_failed_flight_tells_its_events_once(failed: Recording, tmp_path: Path) -> None:
     from snakegen.cli.outcome import result_json, result_lines
-    from snakegen.verify.recording import Event
 
     told = "\n".join(result_lines(failed, tmp_path))
     assert not failed.verdict.passed  # type: ignore[union-attr]
     assert "0.20 s  apparatus2 lost" in told
     assert result_json(failed, tmp_path)["facts"]["lost"] == "apparatus2"
     many = tuple(Event(0.1 * i, "WARN", "again") for i in range(30))
-    assert "again (30 times)" in "\n".join(result_lines(failed.__class__(
+    assert "0.00 s  again (30 times until 2.90 s)" in "\n".join(result_lines(failed.__class__(
         failed.time, failed.channels, many, failed.meta
     ), tmp_path))  # fmt: skip
+
+
+def test_events_that_repeat_without_a_pause_are_one() -> None:
+    """Another text between them parts nothing; a pause of more than a second does."""
+    times = (0.0, 0.4, 1.4, 3.0, 3.5)
+    events = [Event(t, "WARN", "low") for t in times] + [Event(0.2, "INFO", "now")]
+    assert [tuple(e) for e in merged(reversed(events))] == [
+        (0.0, "WARN", "low (3 times until 1.40 s)"),
+        (0.2, "INFO", "now"),
+        (3.0, "WARN", "low (2 times until 3.50 s)"),
+    ]
 
 
 def test_words_of_the_other_missions() -> None:

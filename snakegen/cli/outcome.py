@@ -48,18 +48,12 @@ def result_lines(recording: Any, path: Path) -> list[str]:
 
 
 def _events(recording: Any) -> list[str]:
-    """Returns the first events as lines; one that repeats itself only once, with its count."""
-    first: dict[str, float] = {}
-    times: dict[str, int] = {}
-    for event in recording.events:
-        first.setdefault(event.text, event.time)
-        times[event.text] = times.get(event.text, 0) + 1
-    lines = [
-        f"{at:9.2f} s  {text}" + (f" ({times[text]} times)" if times[text] > 1 else "")
-        for text, at in first.items()
-    ]
+    """Returns the first events as lines."""
+    from snakegen.log.events import merged
+
+    lines = [f"{event.time:9.2f} s  {event.text}" for event in merged(recording.events)]
     if len(lines) > MOST_EVENTS:
-        lines[MOST_EVENTS:] = [f"           … {len(lines) - MOST_EVENTS} more in the log"]
+        lines[MOST_EVENTS:] = [f"             … {len(lines) - MOST_EVENTS} more in the log"]
     return lines
 
 

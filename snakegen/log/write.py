@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from snakegen.errors import LogError
+from snakegen.log.events import merged
 from snakegen.log.store import encode
 from snakegen.verify.recording import Recording
 
@@ -90,7 +91,7 @@ def _log_texts(rec: Any, recording: Recording) -> None:
 
     text = rr.TextDocument(report_text(recording), media_type=rr.MediaType.MARKDOWN)
     rec.log("report", text, static=True)
-    events = sorted(recording.events, key=lambda e: e.time)
+    events = merged(recording.events)
     if events:
         from snakegen.log.style import TIMELINE
 
