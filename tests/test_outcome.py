@@ -58,6 +58,7 @@ def test_the_form_of_a_mission_file_is_in_its_help() -> None:
     code, said = call("dragon4", "--mission", "path", "--option", "help")
     assert code == 0
     assert all(f"{word}:" in said for word in ("time", "position", "rpy", "joints"))
+    assert "``" not in said
 
 
 def test_a_loss_says_what_the_analysis_says(failed: Recording) -> None:

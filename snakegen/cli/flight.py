@@ -173,7 +173,7 @@ def _list_options(name: str, robot: Any) -> int:
     options = getattr(module, "OPTIONS", {})
     rows = [(f"{k}={'' if v is None else v}", about) for k, (v, about) in options.items()]
     print_rows(f"options of mission {name}", rows or [("", "none")])
-    more = (module.__doc__ or "").partition("\n")[2].strip()
+    more = (module.__doc__ or "").partition("\n")[2].strip().replace("``", "")
     if more:
         click.echo(f"\n{more}")
     return 0
