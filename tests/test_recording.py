@@ -152,8 +152,9 @@ def test_what_is_not_finite_fails():
     bad[150, 1] = np.nan
     m = metrics(_with(run, position=channel("position", bad)))
     assert m["finite"] is False and m["position_rmse_m"][1] is None
-    failed = {c.metric for c in verdict(m, FLIGHT_THRESHOLDS).failed}
-    assert {"finite", "position_rmse_m", "position_max_m"} <= failed
+    failed = {c.metric: c for c in verdict(m, FLIGHT_THRESHOLDS).failed}
+    assert {"finite", "position_rmse_m", "position_max_m"} <= failed.keys()
+    assert failed["position_max_m"].line() == "FAIL position_max_m = no value (≤ 0.5)"
 
 
 def test_an_undefined_margin_does_not_hide_the_smallest():

@@ -34,7 +34,7 @@ FLIGHT_THRESHOLDS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Check:
-    """One check: `metric` against `bound`; a value of None (not measured) never passes."""
+    """One check: `metric` against `bound`; None, not measured or never reached, does not pass."""
 
     metric: str
     value: Any
@@ -45,7 +45,7 @@ class Check:
     def line(self) -> str:
         """Returns the check as one line of text."""
         mark = "ok  " if self.passed else "FAIL"
-        value = "not measured" if self.value is None else _shown(self.value)
+        value = "no value" if self.value is None else _shown(self.value)
         return f"{mark} {self.metric} = {value} ({_SIGN[self.kind]} {_shown(self.bound)})"
 
 
