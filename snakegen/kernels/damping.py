@@ -4,7 +4,8 @@ ZN23 names it as future work after Maki et al. (RA-L 7, 2022). Here: hinges that
 of links, servos) move the thrust points at velocities v; ``δf = −c P v``, P the orthogonal
 projector onto the null space of the allocation. So the net wrench stays what the pose law asks
 for, rigid motions (the range of ``Qᵀ``) are left alone, and the power ``v·δf = −c ‖P v‖²`` of ideal
-actuators is never positive, whatever the body's stiffness: nothing of it has to be known.
+actuators is never positive, whatever the body's stiffness: nothing of it has to be known. What is
+known of it keeps noise out: of hinge rates only what swings at a slow mode's frequency is damped.
 """
 
 import numpy as np
@@ -31,6 +32,7 @@ from snakegen.kernels.vectoring import joint_order, mounts, thrust_line, turned_
 
 SHARE = 0.2  # of a largest thrust that damping may ask for
 HALVINGS = 6
+SHARPNESS = 0.5  # ω over the band (rad/s) that is let through about each mode
 
 
 @jit
@@ -58,6 +60,28 @@ def hinge_velocities(
         cross_into(a, arm, step)
         for k in range(3):
             out[k] += rates[e] * step[k]
+
+
+@jit
+def swinging(damper: Damper, hinges: Floats, dt: float) -> Floats:
+    """Returns the hinge rates (e,) that slow modes have, from noisy ones; `swing` is updated.
+
+    ``a' = v, v' = −ω² a + l (u − v)`` for each mode, u its measured speed: from u to v a band of
+    l = ω / SHARPNESS about ω, without lag there (semi-implicit Euler). Since actuators lag by T,
+    what comes out is led at ω: ``v − T ω² a``, which is v + T v' there and adds nothing to faster
+    modes; what is slower passes by −T l, of no weight beside the stiffness that rules it.
+    """
+    speed, out = damper.pull @ hinges, np.zeros(hinges.shape[0])
+    place, rate = damper.swing
+    for i in range(speed.shape[0]):
+        w = damper.tuned[i]
+        band = w / SHARPNESS
+        rate[i] = (rate[i] + dt * (band * speed[i] - w * w * place[i])) / (1.0 + dt * band)
+        place[i] += dt * rate[i]
+        led = rate[i] - damper.lead * w * w * place[i]
+        for e in range(out.shape[0]):
+            out[e] += damper.shape[e, i] * led
+    return out
 
 
 @jit

@@ -12,7 +12,7 @@ from snakegen.kernels.bare import bare
 from snakegen.kernels.borrowed import borrowed, scratch
 from snakegen.kernels.control_tick import decide
 from snakegen.kernels.control_types import Command, Law, State, Target, copied, with_flags
-from snakegen.kernels.damping import damped
+from snakegen.kernels.damping import damped, swinging
 from snakegen.kernels.flight_types import (
     Damper,
     Memory,
@@ -218,7 +218,7 @@ def fly_ticks(
                 length,
                 damper,
                 measured,
-                damper.modes @ hinges,
+                swinging(damper, hinges, dt),
                 plan.rotation[k],
                 blend,
                 command,

@@ -56,7 +56,11 @@ class Damper(NamedTuple):
     beyond: Ints  # (e, Ñ) 1 where an apparatus stands beyond the hinge
     rate: Ints  # (e,) address of its rate in the simulator's velocities
     servo: Ints  # (e,) its servo among those that shape the body, -1 for a spring
-    modes: Floats  # (e, e) from rates to their part in the modes that are damped
+    shape: Floats  # (e, k) hinge rates of a modal speed of 1, of the k modes that are damped
+    pull: Floats  # (k, e) modal speeds of hinge rates
+    tuned: Floats  # (k,) rad/s, of the modes
+    swing: Floats  # (2, k) places and speeds of the modes as observed, written in place
+    lead: float  # s, by which modes are led: what gimbals or motors lag behind
 
 
 class References(NamedTuple):

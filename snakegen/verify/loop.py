@@ -22,7 +22,7 @@ from snakegen.verify.interrupt import noted
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Draw, Imperfections
 from snakegen.verify.trim import found, integral_rates, told
-from snakegen.verify.vibration import OFF, Damping, damper, modal_filter
+from snakegen.verify.vibration import OFF, Damping, damper, retuned
 from snakegen.verify.world import World
 
 STRETCH = 1.0  # s of flight between two looks at the rest of the world
@@ -145,7 +145,7 @@ class _Run:
         self.trimmed: dict[str, Any] = {}
         if plan.trim:
             self.controller = controller.with_law(integral_rate=integral_rates(controller.law))
-        self.damper, self.modes = damper(world, controller, damping, data.qpos)
+        self.damper, self.modes = damper(world, controller, damping, data.qpos, imperfections.delay)
         self.plant = wiring.plant(world, plan, imperfections, dt, position_rate)
         self.wires = wiring.wiring(world, plan)
         self.references = wiring.references(plan, noise, self.frame, controller.mode)
@@ -201,8 +201,7 @@ class _Run:
             elif first < known < last:
                 last = known
         if self.modes:  # they change with the posture
-            matrix = modal_filter(self.world, self.data.qpos, self.modes)
-            self.damper = self.damper._replace(modes=matrix)
+            self.damper = retuned(self.damper, self.world, self.data.qpos)
         c = self.controller
         state, k, end = fly_ticks(
             c.tree,

@@ -98,13 +98,18 @@ def bends(world: World) -> bool:
 
 
 def damper(
-    world: World, controller: Controller, damping: Damping, qpos: Floats
+    world: World, controller: Controller, damping: Damping, qpos: Floats, delay: float = 0.0
 ) -> tuple[Damper, int]:
-    """Returns what the loop damps, and how many modes; nothing where it is off."""
+    """Returns what the loop damps, and how many modes; nothing where it is off.
+
+    `delay` [s] from sensing to command is made up for, with the actuators' lag.
+    """
     if damping.gain == 0.0:
         none, rows = np.empty(0, np.int64), np.empty((0, 3))
         nothing = np.empty((0, controller.apparatuses), np.int64)
-        return Damper(0.0, none, rows, rows, nothing, none, none, np.empty((0, 0))), 0
+        empty = np.empty((0, 0))
+        calm = (empty, empty, np.empty(0), np.empty((2, 0)), 0.0)
+        return Damper(0.0, none, rows, rows, nothing, none, none, *calm), 0
     found, model = hinges(world), world.model
     pairs = [a.rotors for a in world.robot.modules.apparatuses]
     carriers = [int(model.site(rotors[0].link).bodyid[0]) for rotors in pairs]
@@ -113,9 +118,19 @@ def damper(
         for j, carrier in enumerate(carriers):
             beyond[e, j] = _stands_on(model, carrier, int(model.dof_bodyid[dof]))
     modes = count_modes(world, damping, qpos)
-    keep = modal_filter(world, qpos, modes)
+    maps = modal_maps(world, qpos, modes)
     places = (found.body, found.anchor, found.axis, beyond)
-    return Damper(damping.gain, *places, found.dof, found.servo, keep), modes
+    still, lead = np.zeros((2, modes)), delay + actuator_lag(world, controller)
+    return Damper(damping.gain, *places, found.dof, found.servo, *maps, still, lead), modes
+
+
+def actuator_lag(world: World, controller: Controller) -> float:
+    """Returns the lag [s] of what damps: gimbal servos (damping over stiffness), or motors."""
+    robot = world.robot
+    motors = [r.lag for a in robot.modules.apparatuses for r in a.rotors]
+    gimbals = [s for s in robot.modules.servos if s.joint in robot.gimbal_names]
+    turning = [s.damping / s.stiffness for s in gimbals if s.stiffness > 0.0]
+    return max(turning if controller.mode == VIRTUAL and turning else motors, default=0.0)
 
 
 def count_modes(world: World, damping: Damping, qpos: Floats) -> int:
@@ -135,18 +150,25 @@ def count_modes(world: World, damping: Damping, qpos: Floats) -> int:
     return count
 
 
-def modal_filter(world: World, qpos: Floats, modes: int) -> Floats:
-    """Returns the matrix (e, e) from hinge rates to the part of them in the lowest modes.
+def modal_maps(world: World, qpos: Floats, modes: int) -> tuple[Floats, Floats, Floats]:
+    """Returns shapes (e, k) and pulls (k, e) of the lowest k modes at `qpos`, and ω (k,) [rad/s].
 
-    ``η̇ = Σ_i φ_i ȧ_i``, ``ȧ_i = φ_iᵀ K η̇ / ω_i²``, of hinges on a free body at `qpos`. Faster modes
-    are left out: there the lag of motors and the inertia of the gimbals turn damping into the
-    opposite. The controller is assumed to know its modes.
+    ``η̇ = Σ_i φ_i ȧ_i``, ``ȧ_i = φ_iᵀ K η̇ / ω_i²``, of hinges on a free body. Faster modes are left
+    out: there the lag of motors and the inertia of the gimbals turn damping into the opposite. The
+    controller is assumed to know its modes.
     """
     dofs = hinges(world).dof
     frequency, shape = elastic_modes(world.model, qpos, dofs)
-    low = shape[:, :modes]
-    pull = stiffnesses(world.model)[dofs, None] * low / (2.0 * np.pi * frequency[:modes]) ** 2
-    return np.ascontiguousarray(low @ pull.T)
+    low, tuned = np.ascontiguousarray(shape[:, :modes]), 2.0 * np.pi * frequency[:modes]
+    pull = stiffnesses(world.model)[dofs, None] * low / tuned**2
+    return low, np.ascontiguousarray(pull.T), tuned
+
+
+def retuned(damper: Damper, world: World, qpos: Floats) -> Damper:
+    """Returns the damper for the modes at `qpos`; what swings goes on in the new shapes."""
+    shape, pull, tuned = modal_maps(world, qpos, len(damper.tuned))
+    swing = np.ascontiguousarray(damper.swing @ (pull @ damper.shape).T)
+    return damper._replace(shape=shape, pull=pull, tuned=tuned, swing=swing)
 
 
 def check_redundancy(controller: Controller, name: str) -> None:

@@ -11,7 +11,8 @@ import numpy as np
 from snakegen.errors import MissionError
 from snakegen.geometry import Floats
 from snakegen.robot import Robot
-from snakegen.verify.plan import Plan, holding, ticks
+from snakegen.verify.missions.transform import waypoints
+from snakegen.verify.plan import Plan, holding, knots_for, through, ticks
 from snakegen.verify.postures import place, resting_joints
 from snakegen.verify.recording import Recording
 
@@ -20,10 +21,12 @@ OPTIONS = {
     "direction": ["y", "x, y or z"],
     "length": [0.15, "s, of the pluck"],
     "duration": [8.0, "s"],
+    "moving": [False, "pluck it while it changes shape, as `transform` does"],
     "height": [1.5, "m, of the CoG"],
     "posture": [None, "posture file; a bent body by default"],
 }
 _AT = 2.0  # s, when it is plucked
+_RATE = 0.31  # rad/s, fastest joint while it moves
 _LEFT = 0.1  # share of the largest energy below which it counts as swung out
 
 
@@ -40,10 +43,14 @@ def plan(
     direction: str = "y",
     length: float = 0.15,
     duration: float = 8.0,
+    moving: bool = False,
     height: float = 1.5,
     posture: dict[str, Any] | None = None,
 ) -> Plan:
-    """Returns the plan: hover, and ``F (1 - cos 2πt/T) / 2`` at the last link's origin."""
+    """Returns the plan: hover, and ``F (1 - cos 2πt/T) / 2`` at the last link's origin.
+
+    `moving`: through the first `duration` seconds of `transform`'s motion.
+    """
     if direction not in ("x", "y", "z"):
         raise MissionError(f"direction '{direction}': x, y or z is needed.")
     if not length > 0:
@@ -55,11 +62,16 @@ def plan(
     push = np.zeros((len(time), 6))
     push[:, "xyz".index(direction)] = 0.5 * force * (1.0 - np.cos(2.0 * np.pi * phase))
     joints = resting_joints(robot, posture)
+    if moving:
+        if posture is not None:
+            raise MissionError("ring takes a posture or a motion (moving=true), not both.")
+        goals = waypoints(robot)
+        joints, _, _ = through(time, knots_for(goals, _RATE), goals)
     cog = np.array([0.0, 0.0, height])
     return holding(
         time,
         joints,
-        place(robot, joints, cog),
+        place(robot, np.atleast_2d(joints)[0], cog),
         cog,
         disturbance=push,
         disturbance_link=list(robot.modules.lengths)[-1],
