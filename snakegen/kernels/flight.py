@@ -8,6 +8,7 @@ from math import sqrt
 import numpy as np
 
 from snakegen.kernels.air import air_forces, push
+from snakegen.kernels.applied import generalize
 from snakegen.kernels.bare import bare
 from snakegen.kernels.borrowed import borrowed, scratch
 from snakegen.kernels.control_tick import decide
@@ -229,7 +230,9 @@ def fly_ticks(
         for i in range(plant.substeps):
             thrusts_into(sim, wires, thrust)
             spin_torques(sim, wires, plant, memory, thrust)
-            call_two_pointers(sim.step, sim.model, sim.data)  # type: ignore[call-arg]
+            call_two_pointers(sim.begin, sim.model, sim.data)  # type: ignore[call-arg]
+            generalize(sim, wires)
+            call_two_pointers(sim.finish, sim.model, sim.data)  # type: ignore[call-arg]
             if (k * plant.substeps + i + 1) % plant.imu == 0:
                 read_imu(sim, memory)
         if not fastest(sim.qvel) < LOST:

@@ -8,7 +8,8 @@ from snakegen.kernels.tree import Floats, Ints
 class Simulator(NamedTuple):
     """Addresses (int) and live views of a physics simulator's state."""
 
-    step: int  # void step(model, data)
+    begin: int  # void begin(model, data): where things are, as a step starts
+    finish: int  # void finish(model, data): the rest of the step, under the forces then applied
     model: int
     data: int
     qpos: Floats  # (nq,)
@@ -17,6 +18,8 @@ class Simulator(NamedTuple):
     ctrl: Floats  # (nu,)
     force: Floats  # (nu,) of the actuators
     applied: Floats  # (nbody, 6) [force; torque] at the body's centre of mass, world axes
+    generalized: Floats  # (nv,) the same on the degrees of freedom: what the simulator takes
+    motion: Floats  # (nv, 6) axis of each: [angular; linear at `com`], world axes
     body_position: Floats  # (nbody, 3) m, origin; as of the last step's start, like all below
     body_axes: Floats  # (nbody, 9)
     body_com: Floats  # (nbody, 3) m
@@ -32,6 +35,8 @@ class Wiring(NamedTuple):
 
     qpos: Ints  # (n-1,) joints in the tree's order
     qvel: Ints  # (n-1,)
+    parent: Ints  # (nbody,) of each body of the simulator
+    carrier: Ints  # (nv,) the body that each degree of freedom moves
     rotors: Ints  # (r,) actuators
     activation: Ints  # (r,) in `act`, -1 for a motor without lag
     rotor_body: Ints  # (r,)

@@ -116,40 +116,69 @@ def least_norm(matrix: Floats, weight: Floats, rhs: Floats) -> Floats:
 
 
 @bare
-def least_eigenvalue(matrix: Floats) -> float:
-    """Returns the least eigenvalue of a symmetric (n, n) matrix by cyclic Jacobi rotations.
+def tridiagonal(matrix: Floats, diagonal: Floats, square: Floats) -> None:
+    """Writes the diagonal (n,) and the squared off-diagonal (n - 1,) of a similar tridiagonal.
 
-    Destroys `matrix`. Written out because LAPACK's compile and call cost more at this size.
+    Householder's reflections ``v``, of which the lower triangle of a symmetric `matrix` (n, n) is
+    read; it is destroyed.
     """
     n = matrix.shape[0]
-    for _ in range(12):
-        off = size = 0.0
+    v, w = scratch(n), scratch(n)
+    for k in range(n - 1):
+        rest = 0.0
+        for i in range(k + 2, n):
+            rest += matrix[i, k] * matrix[i, k]
+        head = matrix[k + 1, k]
+        diagonal[k], square[k] = matrix[k, k], head * head + rest
+        if rest == 0.0:
+            continue
+        for i in range(k + 1, n):
+            v[i] = matrix[i, k]
+        v[k + 1] += sqrt(square[k]) if head > 0.0 else -sqrt(square[k])
+        half, along = 2.0 / (v[k + 1] * v[k + 1] + rest), 0.0
+        for i in range(k + 1, n):
+            w[i] = 0.0
+            for j in range(k + 1, n):
+                w[i] += half * (matrix[i, j] if j <= i else matrix[j, i]) * v[j]
+            along += w[i] * v[i]
+        for i in range(k + 1, n):
+            w[i] -= 0.5 * half * along * v[i]
+            for j in range(k + 1, i + 1):
+                matrix[i, j] -= v[i] * w[j] + w[i] * v[j]
+    diagonal[n - 1] = matrix[n - 1, n - 1]
+
+
+@bare
+def least_eigenvalue(matrix: Floats) -> float:
+    """Returns the least eigenvalue of a positive semidefinite (n, n) matrix, 0 where rounding is.
+
+    Laguerre's steps from 0 up, which never pass it, on the pivots ``q_i = d_i - x - e²/q_{i-1}``
+    of a tridiagonal: ``Σ 1/(λ - x) = -Σ q'/q`` and ``Σ 1/(λ - x)² = Σ (q'/q)² - q''/q``. The lower
+    triangle is read, `matrix` destroyed. LAPACK's compile and call cost more at this size.
+    """
+    n = matrix.shape[0]
+    d, square = scratch(n), scratch(n)
+    tridiagonal(matrix, d, square)
+    x, size = 0.0, 0.0
+    for i in range(n):
+        size = max(size, d[i])
+    for _ in range(50):
+        first = second = rise = bend = 0.0
+        pivot = 1.0
         for i in range(n):
-            size += matrix[i, i] ** 2
-            for k in range(i):
-                off += matrix[i, k] ** 2
-        if off <= 1e-30 * size:
+            lost = square[i - 1] / pivot if i > 0 else 0.0
+            pivot = d[i] - x - lost
+            if pivot <= 0.0:
+                return x
+            bend = lost * (bend - 2.0 * rise * rise) / pivot
+            rise = (lost * rise - 1.0) / pivot
+            first -= rise
+            second += rise * rise - bend
+        step = n / (first + sqrt(max((n - 1.0) * (n * second - first * first), 0.0)))
+        x += step
+        if step <= 1e-16 * size:
             break
-        for p in range(n - 1):
-            for q in range(p + 1, n):
-                if matrix[p, q] == 0.0:
-                    continue
-                theta = 0.5 * (matrix[q, q] - matrix[p, p]) / matrix[p, q]
-                t = 1.0 / (abs(theta) + sqrt(theta * theta + 1.0))
-                if theta < 0.0:
-                    t = -t
-                c = 1.0 / sqrt(t * t + 1.0)
-                s = t * c
-                for k in range(n):
-                    a, b = matrix[k, p], matrix[k, q]
-                    matrix[k, p], matrix[k, q] = c * a - s * b, s * a + c * b
-                for k in range(n):
-                    a, b = matrix[p, k], matrix[q, k]
-                    matrix[p, k], matrix[q, k] = c * a - s * b, s * a + c * b
-    least = matrix[0, 0]
-    for i in range(1, n):
-        least = min(least, matrix[i, i])
-    return least
+    return x
 
 
 @bare
@@ -161,6 +190,6 @@ def least_singular_value(matrix: Floats, rows: Floats, weight: Floats) -> float:
     square = scratch((matrix.shape[0], matrix.shape[0]))
     gram_into(matrix, weight, square)
     for i in range(square.shape[0]):
-        for k in range(square.shape[0]):
+        for k in range(i + 1):
             square[i, k] *= rows[i] * rows[k]
-    return sqrt(max(least_eigenvalue(square), 0.0))
+    return sqrt(least_eigenvalue(square))

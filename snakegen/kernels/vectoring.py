@@ -215,10 +215,12 @@ def point_thrust(
         if not lost:
             x1 = nearest_turn(angle_about(w1, middle, q), last[0], lower[0], upper[0])
         x2 = nearest_turn(angle_about(w2, p, middle), last[1], lower[1], upper[1])
-        turned_into(m, j, x1, x2, once, twice, elbow)
-        turn_into(twice, p, reached)
-        missed = 1.0 - dot(reached, direction)
-        distance = (x1 - last[0]) ** 2 + (x2 - last[1]) ** 2 + 1e4 * missed
+        distance = (x1 - last[0]) ** 2 + (x2 - last[1]) ** 2
+        inside = lower[0] < x1 < upper[0] and lower[1] < x2 < upper[1]
+        if rest < 0.0 or lost or not inside:  # else the direction is met
+            turned_into(m, j, x1, x2, once, twice, elbow)
+            turn_into(twice, p, reached)
+            distance += 1e4 * (1.0 - dot(reached, direction))
         if distance < best:
             best = distance
             out[0], out[1] = x1, x2

@@ -19,8 +19,10 @@ _STATIONS = 3  # points of a link at which it meets the air
 
 
 @cache
-def step_address() -> int:
-    """Returns the address of MuJoCo's ``mj_step(const mjModel*, mjData*)``.
+def step_addresses() -> tuple[int, int]:
+    """Returns the addresses of MuJoCo's ``mj_step1`` and ``mj_step2(const mjModel*, mjData*)``.
+
+    Together they are ``mj_step``, but for its Runge-Kutta integrator, which no world here uses.
 
     Raises:
         SnakegenError: the package's library is not where its Python part is.
@@ -28,9 +30,11 @@ def step_address() -> int:
     folder = Path(mujoco.__file__).parent
     for pattern in ("libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"):
         for path in sorted(folder.glob(pattern)):
-            found = ctypes.cast(ctypes.CDLL(str(path)).mj_step, ctypes.c_void_p).value
-            if found is not None:
-                return found
+            library = ctypes.CDLL(str(path))
+            halves = (library.mj_step1, library.mj_step2)
+            begin, finish = (ctypes.cast(half, ctypes.c_void_p).value for half in halves)
+            if begin is not None and finish is not None:
+                return begin, finish
     raise SnakegenError(f"MuJoCo's library is not in {folder}; install the mujoco package anew.")
 
 
@@ -38,7 +42,7 @@ def simulator(world: World, data: mujoco.MjData) -> Simulator:
     """Returns views of `data`, which must outlive them, as must the world's model."""
     root = world.model.body(world.robot.root_link).id
     return Simulator(
-        step_address(),
+        *step_addresses(),
         world.model._address,
         data._address,
         data.qpos,
@@ -46,7 +50,9 @@ def simulator(world: World, data: mujoco.MjData) -> Simulator:
         data.act,
         data.ctrl,
         data.actuator_force,
-        data.xfrc_applied,
+        np.zeros((world.model.nbody, 6)),
+        data.qfrc_applied,
+        data.cdof,
         data.xpos,
         data.xmat,
         data.xipos,
@@ -66,6 +72,8 @@ def wiring(world: World, plan: Plan) -> Wiring:
     return Wiring(
         world.qpos,
         world.qvel,
+        np.array(model.body_parentid, np.int64),
+        np.array(model.dof_bodyid, np.int64),
         world.rotors,
         world.activation,
         np.array(model.body_weldid[model.site_bodyid[sites]], np.int64),  # fewer bodies to push
