@@ -13,7 +13,7 @@ from snakegen.log import skeleton as sk
 from snakegen.log import snapshot, write
 from snakegen.log.body import drawable
 from snakegen.log.scene import scene
-from snakegen.log.style import frames, saturation_colors, standing_out
+from snakegen.log.style import frames, saturation_colors, standing_out, stride_for
 from snakegen.verify.metrics import metrics
 from snakegen.verify.recording import Recording, channel
 from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
@@ -96,6 +96,16 @@ def test_a_spike_survives_thinning():
     assert frames(np.arange(0, 10, 0.005))[1] == 10 and frames(np.array([0.0])).tolist() == [0]
 
 
+def test_a_spike_survives_the_first_thinning_wherever_it_is():
+    """Of two ticks neither stands out, so three is the least that is thinned by."""
+    strides = [stride_for(n) for n in range(0, 2_000_000, 10_000)]
+    assert strides[0] == 1 and 2 not in strides and 3 in strides and strides[-1] > 3
+    for at in range(1200, 1206):
+        values = np.zeros((2400, 1))
+        values[at] = 8.0
+        assert at in standing_out(values, 3)
+
+
 def test_saturation_is_red():
     low, high = saturation_colors(np.array([0.3, 0.995])).astype(int)
     assert low[1] > 2 * low[0] and high[0] > 4 * high[1]
@@ -163,3 +173,17 @@ def test_viewer_draws_the_log_or_says_what_it_needs(log: Path, tmp_path: Path):
     assert red.sum() > 30  # the saturated rotor's arrow
     plots = picture[60:700, 720:].reshape(-1, 3)
     assert (np.ptp(plots, axis=1) > 0.3).sum() > 1000  # coloured curves
+
+
+def test_what_is_recorded_seldom_is_plotted_whole(tmp_path: Path):
+    """The curves of a long run are thinned; ten points a second show each."""
+    from rerun.chunk import RrdReader
+
+    run = flight(30.0)
+    rows: dict[str, int] = {}
+    for chunk in RrdReader(write(run, tmp_path / "a.rrd")).store().stream():
+        if not chunk.is_static:
+            rows[chunk.entity_path] = rows.get(chunk.entity_path, 0) + chunk.num_rows
+    slow = run.times("force_margin").size
+    assert slow < 1000 and rows["/plot/margins/force_margin"] == slow
+    assert rows["/plot/thrust/thrust"] < run.time.size / 2

@@ -124,7 +124,8 @@ def log_plots(rec: Any, shown: list[Series]) -> None:
     drawn: dict[str, int] = {}
     stride = style.stride_for(sum(s.values.size for s in shown))
     for s in shown:
-        index, width = style.standing_out(s.values, stride), s.values.shape[1]
+        thin = stride if len(s.values) > style.SCREEN else 1
+        index, width = style.standing_out(s.values, thin), s.values.shape[1]
         names = legend(s, shown)
         # A command has the colours of what it commands; other channels go on where one ended.
         first = 0 if s.asked else drawn.get(s.group, 0)

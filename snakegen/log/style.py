@@ -15,6 +15,7 @@ Ints = NDArray[np.int64]
 TIMELINE = "time"
 FRAME_RATE = 20.0  # Hz, of what moves in 3D
 PLOT_BYTES = 1.5e6  # what all plotted samples together may take
+SCREEN = 1000  # points across; fewer are all drawn
 
 # Okabe & Ito's set, brightened for a dark ground; told apart by colour-blind eyes.
 PALETTE = (
@@ -62,8 +63,12 @@ def frames(time: Floats) -> Ints:
 
 
 def stride_for(samples: int) -> int:
-    """Returns how many ticks share one plotted point when `samples` numbers are to be plotted."""
-    return max(1, int(np.ceil(8.0 * samples / PLOT_BYTES)))
+    """Returns how many ticks share one plotted point when `samples` numbers are to be plotted.
+
+    Never two: of two ticks neither stands out, and a spike might be the one left out.
+    """
+    stride = max(1, int(np.ceil(8.0 * samples / PLOT_BYTES)))
+    return 3 if stride == 2 else stride
 
 
 def standing_out(values: Floats, stride: int) -> Ints:
