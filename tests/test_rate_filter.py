@@ -135,6 +135,25 @@ def test_a_changing_body_on_its_own_tubes_keeps_gimbals_off_their_limit():
     assert flown[0].metrics["body_rate_peak_hz"] == pytest.approx(40.0, abs=2.0)
 
 
+def test_sixteen_links_fly_on_table_5_and_chatter_at_the_far_end_without():
+    """A gyro's noise, times an arm of metres, passed for velocity of the CoG."""
+    servo = "joint.servo={stiffness: 400, damping: 20, armature: 0.005}"
+    calm, noisy = (
+        run(
+            load(load_spec("dragon4", links=16, overrides=[servo, *more])),
+            "hover",
+            options={"duration": 3.0, "height": 3.0},
+        )
+        for more in ([], ["control.rate_filter=0"])
+    )
+    assert calm.verdict.passed, calm.verdict.summary()
+    assert calm.metrics["gimbal_torque_limit_share"] < 0.002
+    assert noisy.metrics["gimbal_torque_limit_share"] > 0.02
+    torque = noisy.channel("gimbal_torque")
+    worst = torque.labels[int(np.argmax(np.mean(np.abs(torque.values) > 2.97, axis=0)))]
+    assert worst == "gimbal16_roll"
+
+
 HOVER, NEAR = {"duration": 1.0}, {"trim": 0.0}
 TUBES = ["plant.link_stiffness=1300"]
 
