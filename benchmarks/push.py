@@ -21,10 +21,11 @@ from snakegen.verify.run import run
 from snakegen.verify.world import make_world
 
 CASES = (
-    ("dragon4", "virtual_single_rotor", "force"),
-    ("dragon4", "virtual_single_rotor", "torque"),
-    ("dragon4", "dual_rotor", "wrench"),
-    ("dragon3", "dual_rotor", "wrench"),
+    ("dragon4", "virtual_single_rotor", "force", "link1"),
+    ("dragon4", "virtual_single_rotor", "torque", "link1"),
+    ("dragon4", "dual_rotor", "wrench", "link1"),
+    ("dragon3", "dual_rotor", "wrench", "link1"),
+    ("dragon4", "virtual_single_rotor", "force", "link4"),
 )
 APART = 0.05  # m, between parts of a body that is pushed
 
@@ -56,16 +57,16 @@ def main() -> None:
     parser.add_argument("--postures", type=int, default=10)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--noise", action="store_true", help="the usual noise and mismatch")
-    parser.add_argument("--only", default="0,1,2,3", help="numbers of cases, by commas")
+    parser.add_argument("--only", default="0,1,2,3,4", help="numbers of cases, by commas")
     given = parser.parse_args()
-    for name, mode, kind in (CASES[int(i)] for i in given.only.split(",")):
+    for name, mode, kind, link in (CASES[int(i)] for i in given.only.split(",")):
         robot = load(load_spec(name, overrides=[f"control.mode={mode}"]))
         ratios: dict[str, list[float]] = {"constrained": [], "paper": []}
-        print(f"{name} {mode} {kind}" + (", usual noise" if given.noise else ""))
+        print(f"{name} {mode} {kind} on {link}" + (", usual noise" if given.noise else ""))
         for i, posture in enumerate(postures(robot, given.postures, given.seed)):
             cells = []
             for allocator, kept in ratios.items():
-                options = {"kind": kind, "posture": posture}
+                options = {"kind": kind, "posture": posture, "link": link}
                 try:
                     recording = run(
                         robot, "push", seed=i, allocator=allocator, ideal=not given.noise,
@@ -81,9 +82,9 @@ def main() -> None:
                 mark = " " if m["tracking_lost"] else "+"
                 at = m["limit_ratio"] or np.nan
                 end = f"ratio {m['ratio']:5.3f}{mark}, first limit at {at:5.3f}"
-                for key in ("posture", "loaded"):
-                    whole = f[f"held_{key}"] or np.nan
-                    end += f", {m['ratio'] * f['held'] / whole:5.3f} of {key}"
+                for key in ("held_at_posture", "held_loaded"):
+                    whole = f[key] or np.nan
+                    end += f", {m['ratio'] * f['held'] / whole:5.3f} of {key[5:]}"
                 cells.append(f"{allocator} {size} {end} {f['stopped'][:2]}")
             print(f"  {i}: " + " | ".join(cells), flush=True)
         for allocator, kept in ratios.items():

@@ -190,6 +190,9 @@ class Plant(Part):
     joint_noise: NonNegative = Field(
         0.00175, description="rad, standard deviation of a joint's offset (0.1°, assumed)"
     )
+    torque_noise: NonNegative = Field(
+        0.1, description="N m, standard deviation of the offset of a servo's torque (assumed)"
+    )
     imu_rate: NonNegative = Field(
         500.0, description="Hz, of attitude and angular rate (assumed); 0: at every physics step"
     )

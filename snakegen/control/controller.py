@@ -60,7 +60,17 @@ class Controller:
             turns[:] = gimbals
         none = np.full((2, self.apparatuses, 3), np.nan)
         unfiltered = np.full((2, 2, 3), np.nan)
-        return State(np.zeros(3), np.zeros(3), turns, float(self.mode), 0, none, unfiltered)
+        return State(
+            np.zeros(3),
+            np.zeros(3),
+            turns,
+            float(self.mode),
+            0,
+            none,
+            unfiltered,
+            np.full(len(self.rotors.body), np.nan),
+            np.zeros(len(self.law.joints)),
+        )
 
     def tick(
         self,

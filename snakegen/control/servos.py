@@ -8,14 +8,19 @@ from snakegen.robot import Robot
 SERVO_SHARE = 0.98  # of a joint servo's torque that the constrained allocator may plan with
 
 
+def bounded_joints(robot: Robot) -> list[str]:
+    """Returns the driven chain joints whose servos have a torque limit, in the tree's order."""
+    driven = {s.joint for s in robot.modules.servos}
+    names = [n for n in robot.chain_joints if n in driven]
+    return [n for n in names if 0.0 < robot.limits([n])[2][0] < np.inf]
+
+
 def joint_limits(robot: Robot) -> tuple[list[int], Floats]:
-    """Returns the bodies that driven chain joints move, and the torque [N m] to keep to.
+    """Returns the bodies that `bounded_joints` move, and the torque [N m] to keep to.
 
     A share of the servo's limit is left to follow the motion itself.
     """
-    driven = {s.joint for s in robot.modules.servos}
-    names = [n for n in robot.chain_joints if n in driven]
-    names = [n for n in names if 0.0 < robot.limits([n])[2][0] < np.inf]
+    names = bounded_joints(robot)
     return [robot.body_of_joint(n) for n in names], SERVO_SHARE * robot.limits(names)[2]
 
 

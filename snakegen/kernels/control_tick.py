@@ -31,6 +31,7 @@ from snakegen.kernels.mode_allocation import (
     wrench_scale_into,
 )
 from snakegen.kernels.pose_law import pose_wrench
+from snakegen.kernels.strain import feel_strain
 from snakegen.kernels.tree import Floats, Gimbals, Rotors, Tree
 from snakegen.kernels.underactuated import (
     level_axes_into,
@@ -137,6 +138,8 @@ def decide(
     joint_order_into(m, law.gimbal_lower, lower)
     joint_order_into(m, law.gimbal_upper, upper)
     joint_order_into(m, state.gimbals, last)
+    if law.constrained:
+        feel_strain(tree, gimbals, law, body, m, rotor, last, measured, state, dt)
     angles, pushes, reached, given = scratch((n, 2)), scratch(n), scratch(6), command.given
     sigma, steps, size, status = np.inf, 0, 0.0, FLOWN
     if share > 0.0:
@@ -171,6 +174,7 @@ def decide(
                 pushes,
                 angles,
                 state.internal,
+                state.strain,
                 reached,
             )
         spread_thrust(rotor, pushes, thrust)
@@ -196,6 +200,7 @@ def decide(
             last,
             lower,
             upper,
+            state.strain,
             share,
             thrust,
             angles,
@@ -213,6 +218,8 @@ def decide(
         short = falls_short_level(wrench, given, tilt, rows)
     else:
         short = falls_short(wrench, reached if law.constrained else given, rows)
+    for r in range(count):
+        state.thrust[r] = thrust[r]
     joint_order_into(m, angles, state.gimbals)
     joint_order_into(m, angles, command.gimbals)
     return blend, short, sigma, steps, size, status

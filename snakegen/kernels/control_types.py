@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from snakegen.kernels.bare import bare
 from snakegen.kernels.jit import jit
 from snakegen.kernels.tree import Floats, Ints
@@ -19,6 +21,7 @@ class Measured(NamedTuple):
     angular: Floats  # (3,) rad/s, of body 0
     angles: Floats  # (n-1,) rad, every joint of the tree, gimbals included
     rates: Floats  # (n-1,) rad/s
+    torques: Floats = np.zeros(0)  # (k,) N m, of the law's joints, by their servos; or not told
 
 
 class Target(NamedTuple):
@@ -80,6 +83,8 @@ class State(NamedTuple):
     saturated: int  # 1 when the last command met a limit
     internal: Floats  # (2, Ñ, 3) N, link axes, for joints' limits and all; NaN: none yet
     rates: Floats  # (2, 2, 3) memory of the low-pass on body rates and CoG velocity; NaN: none
+    thrust: Floats  # (n_rotors,) N, last commanded; NaN: not yet
+    strain: Floats  # (k,) N m of the law's joints that thrust and weight do not explain
 
 
 class Command(NamedTuple):
@@ -106,6 +111,8 @@ def copied(state: State) -> State:
         state.saturated,
         state.internal.copy(),
         state.rates.copy(),
+        state.thrust.copy(),
+        state.strain.copy(),
     )
 
 
@@ -120,4 +127,6 @@ def with_flags(state: State, blend: float, saturated: int) -> State:
         saturated,
         state.internal,
         state.rates,
+        state.thrust,
+        state.strain,
     )

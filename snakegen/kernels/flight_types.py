@@ -43,6 +43,7 @@ class Wiring(NamedTuple):
     rotor_site: Ints  # (r,)
     gimbals: Ints  # (Ñ, 2) actuators, -1 where absent
     servos: Ints  # (k,) actuators of the joints that shape the body
+    loaded: Ints  # (l,) actuators of those whose torque the controller bounds
     disturbed: int  # body on which the plan's disturbance acts
     at_cog: int  # 1: about the robot's centre of gravity, 0: about that body's origin
     station_body: Ints  # (s,) bodies of the points at which links meet the air
@@ -86,6 +87,7 @@ class References(NamedTuple):
     velocity_noise: Floats  # (T, 3) m/s
     gyro_noise: Floats  # (T, 3) rad/s
     angle_noise: Floats  # (n-1,) rad, constant in a run
+    torque_noise: Floats  # (l,) N m, constant in a run
     hinge_noise: Floats  # (T, e) rad/s, of the damped hinges' rates
 
 

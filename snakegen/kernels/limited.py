@@ -139,9 +139,13 @@ def keep_limits(
     pushes: Floats,
     angles: Floats,
     internal: Floats,
+    strain: Floats,
     reached: Floats,
 ) -> None:
-    """Brings an answer of `least_answer` within limits, joints' too: see `bounded_answer`."""
+    """Brings an answer of `least_answer` within limits, joints' too: see `bounded_answer`.
+
+    Besides, `strain` (k,) N m is what loads the joints beyond thrust and weight.
+    """
     k, share = law.joints.shape[0], scratch(2)
     held_up = JointLoads(scratch((k, 3 * m.shape[0])), scratch(k), law.joint_limit)
     force_loads_into(
@@ -158,6 +162,8 @@ def keep_limits(
         held_up.rows,
         held_up.bias,
     )
+    for i in range(k):
+        held_up.bias[i] += strain[i]
     for i in range(2):
         share[i] = dt / (dt + law.internal_time[i])
     bounded_answer(

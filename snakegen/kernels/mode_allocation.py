@@ -178,6 +178,7 @@ def lean(
     last: Floats,
     lower: Floats,
     upper: Floats,
+    strain: Floats,
     share: float,
     thrust: Floats,
     angles: Floats,
@@ -213,6 +214,8 @@ def lean(
         bent.rows,
         bent.bias,
     )
+    for i in range(k):
+        bent.bias[i] += strain[i]
     split, least, most = scratch(count), rotors.thrust_min, rotors.thrust_max
     if law.constrained:
         give = scratch((n, 2))

@@ -54,6 +54,12 @@ def sense(
         if servo >= 0 and k > 0:
             asked = (plan.joints[k, servo] - plan.joints[k - 1, servo]) / dt
         row[18 + 2 * n + e] = sim.qvel[damper.rate[e]] + plan.hinge_noise[k, e] - asked
+    hinges = damper.rate.shape[0]
+    first = 18 + 2 * n + hinges
+    for i in range(wires.loaded.shape[0]):
+        row[first + i] = sim.force[wires.loaded[i]]
+        if i < plan.torque_noise.shape[0]:
+            row[first + i] += plan.torque_noise[i]
     late = memory.ring[max(k - plant.delay, 0) % memory.ring.shape[0]]
     measured = Measured(
         late[:9].reshape(3, 3),
@@ -62,8 +68,9 @@ def sense(
         late[15:18],
         late[18 : 18 + n],
         late[18 + n : 18 + 2 * n],
+        late[first:],
     )
-    return measured, late[18 + 2 * n :]
+    return measured, late[18 + 2 * n : first]
 
 
 @bare

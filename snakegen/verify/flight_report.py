@@ -27,6 +27,7 @@ _UNITS = {
     "gyro_noise": "rad/s",
     "velocity_noise": "m/s",
     "joint_noise": "rad",
+    "torque_noise": "N·m",
     "imu_rate": "Hz",
     "delay": "s",
     "air_density": "kg/m³",

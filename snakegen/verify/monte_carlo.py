@@ -33,7 +33,14 @@ SURVIVED = (
 )  # checks of the verdict that a trial must pass to count as flown; others judge how well
 PERCENTILES = (5, 50, 95)
 _Z = 1.959963984540054  # 97.5 % point of the normal distribution
-_NOISES = ("position_noise", "attitude_bias", "attitude_noise", "gyro_noise", "velocity_noise")
+_NOISES = (
+    "position_noise",
+    "attitude_bias",
+    "attitude_noise",
+    "gyro_noise",
+    "velocity_noise",
+    "torque_noise",
+)
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ class Imperfections:
     gyro_noise: float = 0.01
     velocity_noise: float = 0.01
     joint_noise: float = 0.00175
+    torque_noise: float = 0.1
     imu_rate: float = 500.0
     delay: float = 0.005
     servo_speed: float = 1.0
@@ -74,6 +75,7 @@ class Draw:
         angles: (n-1,) rad, additive; constant in a run: an encoder's error does not dither.
         wind: (T, 3) m/s, world.
         hinges: (T, e) rad/s, additive, of the rates of damped hinges.
+        torques: (l,) N m, offset of each servo's own torque.
     """
 
     thrust_factor: Floats
@@ -84,6 +86,7 @@ class Draw:
     angles: Floats
     wind: Floats
     hinges: Floats
+    torques: Floats
 
 
 def draw(
@@ -95,11 +98,12 @@ def draw(
     *,
     rate: float = 200.0,
     hinges: Sequence[float] = (),
+    servos: int = 0,
 ) -> Draw:
     """Draws the noise of one run of `ticks` at `rate` Hz.
 
     `hinges` are shares of the gyro's noise that the rate of each damped hinge has: √2 where two
-    links' gyros tell it, 0 where an encoder does.
+    links' gyros tell it, 0 where an encoder does; `servos` tell their torque.
     """
     from snakegen.verify.wind import dryden, steady
 
@@ -117,8 +121,9 @@ def draw(
         )
     share = np.asarray(hinges, float)
     bends = what.gyro_noise * share * rng.standard_normal((ticks, len(share)))
-    turned = small_rotations(tilt)
-    return Draw(np.clip(factor, 0.5, 1.5), turned, position, velocity, gyro, angles, wind, bends)
+    torques = what.torque_noise * rng.standard_normal(servos)
+    factor, turned = np.clip(factor, 0.5, 1.5), small_rotations(tilt)
+    return Draw(factor, turned, position, velocity, gyro, angles, wind, bends, torques)
 
 
 def small_rotations(vectors: Floats) -> Floats:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.control.controller import Controller, flight_controller, gain_set
+from snakegen.control.servos import bounded_joints
 from snakegen.errors import MissionError
 from snakegen.robot import Robot
 from snakegen.verify.before import check_air, check_references, check_start
@@ -115,7 +116,8 @@ class Ready:
         rate = 1.0 / float(plan.time[1] - plan.time[0]) if count > 1 else 200.0
         sizes = (count, len(world.rotors), len(self.robot.joint_names))
         shares = hinges(world).noise if self.damping.gain > 0 else []
-        noise = draw(imperfections, rng, *sizes, rate=rate, hinges=shares)
+        servos = len(bounded_joints(self.robot))
+        noise = draw(imperfections, rng, *sizes, rate=rate, hinges=shares, servos=servos)
         flown = fly(
             world,
             plan,

@@ -7,6 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from snakegen.control.servos import bounded_joints
 from snakegen.errors import SnakegenError
 from snakegen.geometry import Floats
 from snakegen.kernels.flight_types import Memory, Plant, References, Rows, Simulator, Wiring
@@ -80,6 +81,7 @@ def wiring(world: World, plan: Plan) -> Wiring:
         np.array(sites, np.int64),
         world.gimbals,
         world.servos,
+        np.array([model.actuator(n).id for n in bounded_joints(robot)], np.int64),
         int(model.body(plan.disturbance_link or robot.root_link).id),
         int(plan.disturbance_at_cog),
         bodies,
@@ -148,6 +150,7 @@ def references(plan: Plan, noise: Draw, frame: Floats, mode: int) -> References:
         noise.velocity,
         noise.gyro,
         noise.angles,
+        noise.torques,
         noise.hinges,
     )
 
@@ -197,13 +200,13 @@ def speed_limits(world: World, joints: np.ndarray) -> Floats:
 
 def memory(world: World, gimbals: Floats, joints: Floats, delay: int, hinges: int = 0) -> Memory:
     """Returns the loop's memory before the first tick, `hinges` of them damped."""
-    n, rotors = len(world.qpos), len(world.rotors)
+    n, rotors, loaded = len(world.qpos), len(world.rotors), len(bounded_joints(world.robot))
     return Memory(
         np.array(gimbals, float),
         np.array(joints, float),
         np.zeros(12),
         np.zeros(6),
-        np.zeros((delay + 1, 18 + 2 * n + hinges)),
+        np.zeros((delay + 1, 18 + 2 * n + hinges + loaded)),
         np.zeros(rotors),
         np.zeros((world.model.nbody, 6)),
         np.zeros(1),
