@@ -131,6 +131,17 @@ def test_integrals_have_their_own_pace_again_when_the_mission_begins():
     np.testing.assert_allclose(after[400:], plain, atol=1e-4)
 
 
+@pytest.mark.parametrize("name", ["gust", "step", "switch", "fail", "transform"])
+def test_a_run_interrupted_while_trimming_is_kept_and_fails(name):
+    def stop(_done, _total):
+        raise KeyboardInterrupt
+
+    with np.errstate(all="raise"):
+        kept = run(load("dragon4"), name, progress=stop)
+    assert kept.meta["stopped"] == "interrupted at -9.01 s" and not kept.verdict.passed
+    assert kept.metrics["duration_s"] == 0.0 and "trim" not in kept.meta
+
+
 def test_trim_is_on_where_a_mission_starts_in_the_air_and_off_where_told():
     robot = load("dragon4")
     assert prepare(robot, "transform").plan.trim == 2000

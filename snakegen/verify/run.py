@@ -129,11 +129,12 @@ class Ready:
             progress=None if progress is None else lambda k: progress(k, count),
         )
         window = plan.window or (0.0, float(plan.time[-1]))
+        end = min(window[1], float(plan.time[flown.ticks - 1]))
         meta = self.meta | {
             "seed": seed,
             "plant": vars(imperfections),
             "stopped": flown.stopped,
-            "metrics_window_s": [window[0], min(window[1], float(plan.time[flown.ticks - 1]))],
+            "metrics_window_s": [min(window[0], end), end],
         }
         if flown.trimmed:
             meta["trim"] = flown.trimmed

@@ -83,7 +83,8 @@ def metrics(recording: Recording) -> dict[str, Any]:
 
     end = float(recording.meta["facts"]["gust_end_s"])
     time, error = recording.times("position"), np.linalg.norm(position_error(recording), axis=1)
-    time, error = time[time >= 0.0], error[time >= 0.0]  # from the mission's start on
+    begun = time >= recording.meta["metrics_window_s"][0]  # what a trim mends is not its doing
+    time, error = time[begun], error[begun]
     after = np.flatnonzero((time > end) & (error > 0.05))
     back = float(time[after[-1]] - end) if after.size else 0.0
     lost = after.size and after[-1] == len(time) - 1
