@@ -28,7 +28,8 @@ class Gains:
         vectoring_roll: k_φi, gimbals from sideways force; a number, or one per apparatus.
         vectoring_pitch: k_θi, gimbals from forward force.
         force_integral_limit: (3,) m s, clamp of ∫e_r. With Table 5's K_f,i of 1.2 along z, 2 m s
-            make up for a quarter of the weight (assumed).
+            make up for a quarter of the weight; with its 0.03 along x and y, for an IMU's tilt of
+            0.35° (assumed).
         torque_integral_limit: (3,) rad s, clamp of ∫e_R (assumed).
         tilt_limit: rad, clamp of the roll and pitch asked for by eqs 23-24 (assumed).
     """
