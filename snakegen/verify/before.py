@@ -1,24 +1,26 @@
 """What is refused before take-off: plans out of reach, wind without air, no hover at the start."""
 
-from typing import Any
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from snakegen.control.controller import Controller
-from snakegen.control.frame import cog_frame
+from snakegen.control.controller import MODES, Controller
+from snakegen.control.frame import CogFrame, cog_frame
+from snakegen.control.switch import check_mode, force_sigma_min, out_of_grip
 from snakegen.description.mjcf import lowest_point
 from snakegen.errors import MissionError
-from snakegen.kernels.control_types import Measured, Target
+from snakegen.kernels.control_types import DUAL, VIRTUAL, Command, Measured, Target
+from snakegen.kernels.mode_allocation import DUAL_SIGMA_MIN
 from snakegen.robot import GRAVITY, Robot
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Imperfections
-from snakegen.verify.postures import driven_joints, place
+from snakegen.verify.postures import driven_joints, place, turning_rates
 from snakegen.verify.world import make_world
 
 
 def check_references(robot: Robot, plan: Plan) -> None:
-    """Refuses a plan that leads joints beyond their limits or the body into the floor.
+    """Refuses a plan that leads joints beyond their limits of angle and speed, or into the floor.
 
     Raises:
         MissionError: the first such joint or instant.
@@ -32,6 +34,7 @@ def check_references(robot: Robot, plan: Plan) -> None:
             f"the mission leads {names[i]} to {plan.joints[k, i]:.3f} rad at {plan.time[k]:.2f} s; "
             f"its limits are {low[i]:g} … {high[i]:g}."
         )
+    _check_rates(robot, plan, names)
     if plan.on_floor:
         return
     world = make_world(robot, floor=False)
@@ -45,6 +48,25 @@ def check_references(robot: Robot, plan: Plan) -> None:
                 f"the mission leads the body {-lowest:.2f} m into the floor at "
                 f"{plan.time[k]:.2f} s: CoG at {plan.position[k, 2]:.2f} m; fly higher."
             )
+
+
+def _check_rates(robot: Robot, plan: Plan, names: list[str]) -> None:
+    """Refuses a plan that turns a joint faster than its servo.
+
+    Raises:
+        MissionError: the fastest turn of the first such joint.
+    """
+    most = turning_rates(robot, names)
+    turned = np.abs(np.diff(plan.joints, axis=0)) / np.diff(plan.time)[:, None]
+    beyond = np.argwhere(turned > most * (1.0 + 1e-6))
+    if not len(beyond):
+        return
+    i = int(beyond[0][1])
+    k = int(np.argmax(turned[:, i]))
+    raise MissionError(
+        f"the mission turns {names[i]} at {turned[k, i]:.3g} rad/s at {plan.time[k]:.2f} s; "
+        f"its servo turns at {most[i]:g} at most: leave the motion more time."
+    )
 
 
 def check_air(plan: Plan, imperfections: Imperfections) -> None:
@@ -65,7 +87,7 @@ def check_start(robot: Robot, controller: Controller, plan: Plan, *, force: bool
     """Refuses a start that cannot hover; `force` lets a singular posture pass.
 
     Raises:
-        MissionError: too heavy, no hover within limits, or σ_min below the controller's threshold.
+        MissionError: too heavy, no hover within limits, or σ_min below the mode's threshold.
     """
     most = float(robot.rotors.thrust_max.sum())
     weight = robot.mass * GRAVITY
@@ -76,27 +98,93 @@ def check_start(robot: Robot, controller: Controller, plan: Plan, *, force: bool
         )
     base, origin = robot.base_pose(plan.start)
     angles = robot.angles(plan.start)
-    frame = cog_frame(controller, angles, base, origin)
-    sigma, unmet, thrust, limit = _first_allocation(robot, controller, plan, frame)
-    if sigma < controller.law.sigma_min and controller.mode == 1 and not force:
-        raise MissionError(
-            f"{robot.name} starts in a singular posture: scaled σ_min {sigma:.2g} is below "
-            f"{controller.law.sigma_min:g}; bend the body, or lower control.sigma_min."
-        )
     if force:
         return
+    frame = cog_frame(controller, angles, base, origin)
+    command = _first_command(robot, controller, plan, frame)
+    _check_rank(robot, controller, frame, command)
+    unmet, limit = _unmet(controller, frame, command), robot.rotors.thrust_max
+    thrust = command.thrust
     if unmet > 1e-3 or np.any(thrust > limit * (1 + 1e-9)) or np.any(thrust < -1e-9):
         raise MissionError(
             f"{robot.name} cannot hover in the mission's first posture: thrusts "
             f"{np.round(thrust, 2).tolist()} N for limits {np.round(limit, 2).tolist()} N, "
-            f"{100 * unmet:.2g} % of the weight unbalanced."
+            f"{100 * unmet:.2g} % of the weight unbalanced. What would hover: "
+            f"{_remedy(robot, controller, plan, frame)}."
         )
 
 
-def _first_allocation(
-    robot: Robot, controller: Controller, plan: Plan, frame: Any
-) -> tuple[float, float, Any, Any]:
-    """Returns σ_min, share of the weight unmet, thrusts and limits of the first tick."""
+def _check_rank(robot: Robot, controller: Controller, frame: CogFrame, command: Command) -> None:
+    """Refuses a start whose wrench map has lost an axis.
+
+    Raises:
+        MissionError: σ_min of J_w or Q_force (virtual) or of Q_trunc (dual) below its threshold.
+    """
+    sigma, least = float(command.sigma_min), controller.law.sigma_min
+    if controller.mode == DUAL:
+        if sigma < DUAL_SIGMA_MIN:
+            raise MissionError(
+                f"{robot.name} starts in a singular posture: scaled σ_min(Q_trunc) "
+                f"{round(sigma, 9):.2g} is below {DUAL_SIGMA_MIN:g}; yaw needs a drag ratio and "
+                "spins that alternate between apparatuses, or a bent body."
+            )
+        return
+    if sigma < least:
+        raise MissionError(
+            f"{robot.name} starts in a singular posture: scaled σ_min {sigma:.2g} is below "
+            f"{least:g}; bend the body, or lower control.sigma_min."
+        )
+    reach = force_sigma_min(controller, frame, command.gimbals)
+    if reach < least:
+        raise MissionError(
+            f"{robot.name} starts where virtual-single-rotor mode is singular: "
+            f"{out_of_grip(controller, reach)}"
+        )
+
+
+def _remedy(robot: Robot, controller: Controller, plan: Plan, frame: CogFrame) -> str:
+    """Returns what would hover where the controller does not, as far as it can be told."""
+    works = []
+    if not controller.law.constrained:
+        other = controller.with_law(constrained=1)
+        command = _first_command(robot, other, plan, frame)
+        if _unmet(other, frame, command) <= 1e-3:
+            works.append("--allocator constrained")
+    mode = VIRTUAL if controller.mode == DUAL else DUAL
+    if robot.gimbal_names:
+        base, _ = robot.base_pose(plan.start)
+        if check_mode(controller, mode, robot.angles(plan.start), base).allowed:
+            name = next(k for k, v in MODES.items() if v == mode)
+            works.append(f"control.mode={name}")
+    stronger = _stronger(robot, controller, plan, frame)
+    if stronger is not None:
+        works.append(f"{stronger:.2f} times the thrust (vectoring_apparatus.thrust_max)")
+    works.append("a posture whose CoG is amid the apparatuses (--option posture=FILE)")
+    return "; ".join(works)
+
+
+def _stronger(robot: Robot, controller: Controller, plan: Plan, frame: CogFrame) -> float | None:
+    """Returns by what all thrust limits must be multiplied to hover; None if nothing helps."""
+    ample, rotors, gimbals = 64.0, controller.rotors, controller.gimbals
+    strong = replace(
+        controller,
+        rotors=rotors._replace(thrust_max=ample * rotors.thrust_max),
+        gimbals=gimbals._replace(limit=ample * gimbals.limit),
+    )
+    command = _first_command(robot, strong, plan, frame)
+    if _unmet(strong, frame, command) > 1e-3:
+        return None
+    return float(np.ceil(100.0 * np.max(command.thrust / rotors.thrust_max)) / 100.0)
+
+
+def _unmet(controller: Controller, frame: CogFrame, command: Command) -> float:
+    """Returns the share of the weight that a command leaves unbalanced."""
+    gap = frame.scale * (command.given - frame.hover_wrench)
+    return float(np.linalg.norm(gap[2:] if controller.mode == DUAL else gap))
+
+
+def _first_command(robot: Robot, controller: Controller, plan: Plan, frame: CogFrame) -> Command:
+    """Returns what the first tick asks of the actuators."""
     base, origin = robot.base_pose(plan.start)
     angles = robot.angles(plan.start)
     still = np.zeros(3)
@@ -107,12 +195,4 @@ def _first_allocation(
         for k, body in enumerate((robot.gimbals.roll_body[j], robot.gimbals.pitch_body[j])):
             turns[j, k] = angles[body - 1] if body >= 0 else 0.0
     _, command = controller.tick(measured, target, controller.start(turns), 1e-9)
-    gap = frame.scale * (command.given - frame.hover_wrench)
-    if controller.mode == 0:
-        gap = gap[2:]
-    return (
-        float(command.sigma_min),
-        float(np.linalg.norm(gap)),
-        command.thrust,
-        robot.rotors.thrust_max,
-    )
+    return command

@@ -1,5 +1,6 @@
 """Joint paths for missions, for any chain: bent where a straight body could not fly."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,13 @@ def driven_joints(robot: Robot) -> list[str]:
     """Returns the joints that shape the body and have a servo, in the tree's order."""
     servos = {s.joint for s in robot.modules.servos}
     return [n for n in robot.chain_joints if n in servos]
+
+
+def turning_rates(robot: Robot, names: Sequence[str]) -> Floats:
+    """Returns the URDF's velocity limits [rad/s] of the joints `names`; inf where it has none."""
+    at = [robot.model.joints[robot.model.getJointId(n)].idx_v for n in names]
+    limit = np.array(robot.model.upperVelocityLimit[at], float)
+    return np.where(limit > 0.0, limit, np.inf)
 
 
 def bent(robot: Robot, bend: float = BEND) -> Floats:

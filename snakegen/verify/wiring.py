@@ -14,6 +14,7 @@ from snakegen.kernels.flight_types import Memory, Plant, References, Rows, Simul
 from snakegen.verify.elastic import tip_name
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Draw, Imperfections, battery_energy, power_factors
+from snakegen.verify.postures import turning_rates
 from snakegen.verify.world import World
 
 _STATIONS = 3  # points of a link at which it meets the air
@@ -191,11 +192,7 @@ def plant(world: World, plan: Plan, what: Imperfections, dt: float, position_rat
 
 def speed_limits(world: World, joints: np.ndarray) -> Floats:
     """Returns the URDF's velocity limits [rad/s] of joints, indices into the tree's angles."""
-    model = world.robot.model
-    names = [world.robot.joint_names[i] for i in joints]
-    at = [model.joints[model.getJointId(n)].idx_v for n in names]
-    limit = np.array(model.upperVelocityLimit[at], float)
-    return np.where(limit > 0.0, limit, np.inf)
+    return turning_rates(world.robot, [world.robot.joint_names[i] for i in joints])
 
 
 def memory(world: World, gimbals: Floats, joints: Floats, delay: int, hinges: int = 0) -> Memory:

@@ -1,0 +1,131 @@
+"""What is refused before take-off, each with what would have worked: ranks, speeds, first hover."""
+
+import re
+
+import numpy as np
+import pytest
+
+from snakegen import load
+from snakegen.analysis.allocation import allocation
+from snakegen.control.controller import flight_controller
+from snakegen.control.frame import cog_frame
+from snakegen.control.switch import check_mode
+from snakegen.errors import MissionError, SnakegenError
+from snakegen.kernels.control_types import DUAL, VIRTUAL
+from snakegen.spec_file import load_spec
+from snakegen.verify.before import check_start
+from snakegen.verify.missions import hover, mission
+from snakegen.verify.postures import place, resting_joints
+from snakegen.verify.run import prepare
+
+
+@pytest.fixture(scope="module")
+def dragon4():
+    return load("dragon4")
+
+
+def changed(name, *overrides, **more):
+    return load(load_spec(name, overrides=list(overrides), **more))
+
+
+@pytest.mark.parametrize(
+    ("name", "links"), [("dragon3", None), ("dragon4", 2), ("dragon4", 3), ("dragon4", 8)]
+)
+def test_virtual_mode_needs_forces_that_turn_the_body(name, links):
+    """σ_min of the analysis' Q_force, not of J_w alone, which an offset lifts above its threshold.
+
+    Two apparatuses reach rank 6 by moving thrust points alone, and the margin is negative there.
+    """
+    robot = load(load_spec(name, links=links) if links else name)
+    controller = flight_controller(robot)
+    q = place(robot, resting_joints(robot), np.array([0.0, 0.0, 1.5]))
+    check = check_mode(controller, VIRTUAL, robot.angles(q), robot.base_pose(q)[0])
+    a = allocation(robot, q)
+    scale = cog_frame(controller, robot.angles(q)).scale
+    columns = np.repeat(robot.gimbals.limit, 3)
+    least = np.linalg.svd(scale[:, None] * a.force * columns, compute_uv=False)[5]
+    two = len(robot.modules.apparatuses) == 2
+    # an apparatus' hover gimbals tilt a little as it carries its share, and move its thrust point
+    assert check.map_sigma_min == pytest.approx(least, rel=0.02, abs=1e-9)
+    assert check.sigma_min > 0.02 and check.allowed != two and (least < 1e-9) == two
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "links"),
+    [("dragon3", ["control.mode=virtual_single_rotor"], None), ("dragon4", [], 2)],
+)
+def test_two_apparatuses_do_not_start_in_virtual_mode(name, overrides, links):
+    robot = changed(name, *overrides, links=links)
+    with pytest.raises(MissionError, match=r"σ_min\(Q_force\) = 0 .*three apparatuses.*dual-rotor"):
+        prepare(robot, "hover")
+    dual = changed(name, "control.mode=dual_rotor", links=links)
+    assert prepare(dual, "hover").controller.mode == DUAL
+    plan = hover.plan(robot, 200.0)
+    check_start(robot, flight_controller(robot), plan, force=True)
+
+
+def test_two_apparatuses_are_not_switched_to_virtual_mode():
+    robot = load("dragon3")
+    with pytest.raises(SnakegenError, match=r"virtual-single-rotor mode refused.*Q_force"):
+        mission("switch", robot).plan(robot, 200.0)
+    assert mission("switch", robot).plan(robot, 200.0, force=True).mode is not None
+
+
+STRAIGHT = {"joint1_yaw": 0.0, "joint2_yaw": 0.0, "joint3_yaw": 0.0}
+
+
+def test_dual_mode_needs_yaw_to_start():
+    """A straight body without rotor drag has none; with drag it has."""
+    options = {"posture": STRAIGHT, "trim": 0.0}
+    with pytest.raises(MissionError, match=r"σ_min\(Q_trunc\) 0 is below 0.001; yaw needs a drag"):
+        prepare(
+            changed("dragon4", "control.mode=dual_rotor", "vectoring_apparatus.drag_ratio=0"),
+            "hover",
+            options=options,
+        )
+    prepare(changed("dragon4", "control.mode=dual_rotor"), "hover", options=options)
+
+
+def test_joints_are_not_led_faster_than_they_turn(dragon4):
+    """The quintic's peak, 15/8 of its mean rate, is what counts: 1 rad/s at dragon4's joints."""
+    with pytest.raises(MissionError, match=r"joint\d_\w+ at .* rad/s at .* s; its servo turns at"):
+        prepare(dragon4, "transform", options={"rate_limit": 100.0})
+    prepare(dragon4, "transform", options={"rate_limit": 0.99})
+    with pytest.raises(MissionError, match=r"at 1\.05 rad/s .* turns at 1 at most"):
+        prepare(dragon4, "transform", options={"rate_limit": 1.05})
+
+
+def test_a_mission_file_that_is_too_fast_is_refused(dragon4, tmp_path):
+    """2 rad in 0.4 s peak at 15/8 × 5 rad/s, in their middle."""
+    file = tmp_path / "fast.yaml"
+    file.write_text(
+        "waypoints:\n  - {time: 0, joints: {joint1_yaw: -1.0}}\n"
+        "  - {time: 0.4, joints: {joint1_yaw: 1.0}}\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(MissionError, match=r"joint1_yaw at 9.3\d* rad/s at 0.(19|20) s"):
+        prepare(dragon4, str(file))
+
+
+def test_the_refusal_of_a_first_posture_names_what_would_hover():
+    """A tail-heavy body lacks the thrust that the line asks for, and hovers with it."""
+    heavy = ["payload.mass=2", "payload.at=[4]"]
+    with pytest.raises(MissionError, match=r"What would hover: .*posture=FILE") as caught:
+        prepare(changed("dragon4", *heavy), "hover")
+    times = float(re.search(r"([\d.]+) times the thrust", str(caught.value))[1])
+    enough, short = (f"vectoring_apparatus.thrust_max={16.0 * k}" for k in (times, times - 0.02))
+    prepare(changed("dragon4", *heavy, enough), "hover")
+    with pytest.raises(MissionError, match="cannot hover"):
+        prepare(changed("dragon4", *heavy, short), "hover")
+
+
+def test_another_allocator_and_mode_are_named_where_they_hover():
+    """Just below what dual-rotor mode's pseudo-inverse asks for; both that are named do fly."""
+    weak, dual = "vectoring_apparatus.thrust_max=10.2", "control.mode=dual_rotor"
+    named = r"allocator constrained; control\.mode=virtual_single_rotor; 1\.0"
+    with pytest.raises(MissionError, match=named):
+        prepare(changed("dragon4", weak, dual), "hover")
+    prepare(changed("dragon4", weak, dual), "hover", allocator="constrained")
+    prepare(changed("dragon4", weak), "hover")
+    with pytest.raises(MissionError, match=r"What would hover: 1\.0"):  # neither does here
+        prepare(changed("dragon4", "vectoring_apparatus.thrust_max=10.05"), "hover")
