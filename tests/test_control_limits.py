@@ -190,10 +190,10 @@ def test_forces_near_others_satisfy_the_optimality_conditions(calm, reach):
 
 def climbed(problem, warm=None):
     """Returns the answer at the last δ and the top of its dual, from there or from nowhere."""
-    mu = np.zeros(problem.w.size) if warm is None else warm.copy()
+    mu = np.full(problem.w.size, np.nan) if warm is None else warm.copy()
     x = np.empty(problem.q.shape[1])
     soft, factor, hard = BALL_STAGES
-    ascend(problem, soft, factor, hard, warm is not None, mu, x)
+    ascend(problem, soft, factor, hard, mu, x)
     return x, mu
 
 

@@ -76,7 +76,7 @@ def rotor_in_air(
         out[i] = -lost * thrust * axis[i] + mass_flow * (flow[i] + through * axis[i])
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def velocity_into(sim: Simulator, body: int, at: Floats, out: Floats) -> None:
     """Writes the velocity (3,) [m/s, world] of the point `at` of a body."""
     arm = scratch(3)
@@ -87,7 +87,7 @@ def velocity_into(sim: Simulator, body: int, at: Floats, out: Floats) -> None:
         out[i] += sim.twist[body, 3 + i]
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def push(sim: Simulator, body: int, at: Floats, force: Floats, applied: Floats) -> None:
     """Adds a force (3,) at the point `at` to the wrench about the body's centre of mass."""
     arm, torque = scratch(3), scratch(3)

@@ -40,7 +40,7 @@ class Bounded(NamedTuple):
     upper: Floats  # (n - 3b,)
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def nearest_into(p: Bounded, mu: Floats, pull: Floats, x: Floats) -> None:
     """Writes the pulls (n,) ``c + d² Qᵀ μ`` and the nearest points (n,) of the set to them."""
     m, n = p.q.shape
@@ -64,7 +64,7 @@ def nearest_into(p: Bounded, mu: Floats, pull: Floats, x: Floats) -> None:
         x[c] = min(max(pull[c], p.lower[k]), p.upper[k])
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def gap_into(p: Bounded, x: Floats, mu: Floats, soft: float, gap: Floats) -> None:
     """Writes the gradient ``Q x + δ μ - w`` (m,) of the (negated) dual."""
     for i in range(p.q.shape[0]):
@@ -73,7 +73,7 @@ def gap_into(p: Bounded, x: Floats, mu: Floats, soft: float, gap: Floats) -> Non
             gap[i] += p.q[i, c] * x[c]
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def slope_into(p: Bounded, pull: Floats, soft: float, slope: Floats) -> None:
     """Writes the lower triangle of the derivative (m, m) of ``Q x(μ) + δ μ``.
 
@@ -124,7 +124,7 @@ def inner(a: Floats, b: Floats) -> float:
     return total
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def stride(
     p: Bounded, soft: float, fall: float, step: Floats, mu: Floats, pull: Floats, x: Floats,
     gap: Floats,
@@ -161,7 +161,7 @@ def stride(
         part = low + (high - low) * left / (left - over)
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def climb(p: Bounded, soft: float, steps: int, mu: Floats, x: Floats) -> bool:
     """Climbs the dual at one δ from `mu` (m,) on, in place; tells whether it reached the top.
 
@@ -188,21 +188,29 @@ def climb(p: Bounded, soft: float, steps: int, mu: Floats, x: Floats) -> bool:
 
 
 @bare
-def ascend(
-    p: Bounded, soft: float, factor: float, hard: float, warm: bool, mu: Floats, x: Floats
-) -> None:
+def ascend(p: Bounded, soft: float, factor: float, hard: float, mu: Floats, x: Floats) -> None:
     """Writes the answer x (n,) at δ = `hard`, and the top μ (m,) of its dual.
 
-    From `mu` where it is `warm`; from 0 by falling δ, `soft` times `factor` a stage, where it is
-    not or where that fails.
+    From `mu` on; from 0 by falling δ, `soft` times `factor` a stage, where it is NaN or where
+    that fails.
     """
-    if warm and climb(p, hard, WARM_STEPS, mu, x):
-        return
+    warm, steps, now = mu[0] == mu[0], WARM_STEPS, hard
+    if not warm:
+        start_anew(mu)
+        steps, now = STEPS, soft
+    while now >= 0.5 * hard:
+        arrived = climb(p, now, steps, mu, x)
+        now *= factor
+        if warm and not arrived:
+            start_anew(mu)
+            warm, steps, now = False, STEPS, soft
+
+
+@bare
+def start_anew(mu: Floats) -> None:
+    """Sets μ (m,) to 0."""
     for i in range(mu.shape[0]):
         mu[i] = 0.0
-    while soft >= 0.5 * hard:
-        climb(p, soft, STEPS, mu, x)
-        soft *= factor
 
 
 @bare
@@ -214,7 +222,7 @@ def scaled_into(matrix: Floats, wrench: Floats, rows: Floats, q: Floats, w: Floa
             q[i, c] = rows[i] * matrix[i, c]
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def servos_into(loads: JointLoads, scale: float, q: Floats, w: Floats) -> None:
     """Writes the bounds of k joints into the last k rows of q (m, n) and w.
 
@@ -231,7 +239,7 @@ def servos_into(loads: JointLoads, scale: float, q: Floats, w: Floats) -> None:
             q[first + i, c] = scale * loads.rows[i, c]
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def intervals_into(
     loads: JointLoads, scale: float, spread: Floats, lower: Floats, upper: Floats
 ) -> None:

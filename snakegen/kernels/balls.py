@@ -24,7 +24,7 @@ BALL_STAGES = (1e-4, 1e-2, 1e-8)  # δ: first, factor, last: round sets bend the
 CALM = 1e-2  # δ that gives up what would cost more force than a pseudo-inverse takes
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def ball_forces_into(
     matrix: Floats,
     wrench: Floats,
@@ -50,7 +50,7 @@ def ball_forces_into(
         nowhere[c] = 0.0
     p = Bounded(q, w, limit, nowhere, spread, lower, upper)
     soft, factor, hard = BALL_STAGES
-    ascend(p, soft, factor, hard, top[0] == top[0], top, x)
+    ascend(p, soft, factor, hard, top, x)
     for c in range(n):
         forces[c] = x[c]
 
@@ -97,7 +97,7 @@ def least_forces_into(
             forces[c] += q[i, c] * mu[i] * weight[c] * weight[c]
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def near_forces_into(
     matrix: Floats,
     wrench: Floats,
@@ -132,7 +132,7 @@ def near_forces_into(
     soft, factor, hard = BALL_STAGES
     if calm:
         soft = hard = CALM
-    ascend(p, soft, factor, hard, top[0] == top[0], top[:6], forces)
+    ascend(p, soft, factor, hard, top[:6], forces)
 
 
 @jit

@@ -1,5 +1,7 @@
 """Allocation of thrusts inside a box, and inside the joints' bounds too: `ascent`'s method."""
 
+from math import nan
+
 import numpy as np
 
 from snakegen.kernels.ascent import (
@@ -18,7 +20,7 @@ from snakegen.kernels.tree import Floats
 BOX_STAGES = (1e-4, 1e-3, 1e-10)  # δ: first, factor, last: far below what a rotor can resolve
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def box_within_into(
     matrix: Floats,
     wrench: Floats,
@@ -50,7 +52,8 @@ def box_within_into(
         d[c], low[c], high[c] = weight[c], lower[c], upper[c]
     intervals_into(loads, scale, d, low, high)
     soft, factor, hard = BOX_STAGES
-    ascend(Bounded(q, w, none, none, d, low, high), soft, factor, hard, False, mu, x)
+    mu[0] = nan
+    ascend(Bounded(q, w, none, none, d, low, high), soft, factor, hard, mu, x)
     for c in range(n):
         out[c] = x[c]
 

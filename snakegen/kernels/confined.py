@@ -153,7 +153,7 @@ def aimed(
     return moved
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def bounded_forces(
     m: Floats,
     wrench: Floats,

@@ -101,7 +101,7 @@ def falls_short_level(wanted: Floats, given: Floats, tilt: Floats, rows: Floats)
     return falls_short(one, two, rows[2:])
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def decide(
     tree: Tree,
     rotors: Rotors,

@@ -47,7 +47,7 @@ def slew(now: float, goal: float, step: float) -> float:
     return min(max(goal, now - step), now + step)
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def act(
     sim: Simulator,
     wires: Wiring,
@@ -81,7 +81,7 @@ def act(
         row[wires.rotors[r]] = thrust[r]
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def world_forces(
     sim: Simulator,
     wires: Wiring,

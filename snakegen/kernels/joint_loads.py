@@ -39,7 +39,7 @@ def beyond(tree: Tree, body: int, joint: int) -> bool:
     return body == joint
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def weights_into(
     tree: Tree, rotation: Floats, position: Floats, cog: Floats, axes: Floats, hung: Floats
 ) -> None:
@@ -62,7 +62,7 @@ def weights_into(
             hung[tree.parent[b], k] += hung[b, k]
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def joint_line_into(
     tree: Tree,
     rotation: Floats,
@@ -92,7 +92,7 @@ def weight_load(hung: Floats, a: Floats, r: Floats, axes: Floats, gravity: float
     return -dot(a, moment)
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def force_loads_into(
     tree: Tree,
     gimbals: Gimbals,
@@ -156,7 +156,7 @@ def force_loads(
     return JointLoads(rows, bias, limit)
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def rotor_loads_into(
     tree: Tree,
     gimbals: Gimbals,

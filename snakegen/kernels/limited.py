@@ -14,7 +14,7 @@ LIMIT_SLACK = 1e-9  # N and rad, by which an answer may pass a limit unnoticed
 ROUNDS = 20  # of bounded allocation and aiming
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def bounded_answer(
     m: Floats,
     limit: Floats,
@@ -54,26 +54,20 @@ def bounded_answer(
     for c in range(3 * n):
         goal[c] = 0.0
     forces_into(m, thrust, angles, forces)
-    if beyond or overloaded(loads, forces):
-        bounded_forces(
-            m, wrench, rows, limit, lower, upper, last, ROUNDS, loads, forces, LEAST,
-            thrust, angles,
-        )  # fmt: skip
-        apart_from_least_into(m, wrench, rows, limit, thrust, angles, goal)
-    apart = ease(m, goal, share[0], internal[0], forces)
-    if apart > LIMIT_SLACK:
-        bounded_forces(
-            m, wrench, rows, limit, lower, upper, last, ROUNDS, loads, forces, NEAR,
-            thrust, angles,
-        )  # fmt: skip
-        apart_from_least_into(m, wrench, rows, limit, thrust, angles, goal)
-    wrench_into(m, thrust, angles, reached)
-    apart = ease(m, goal, share[1], internal[1], forces)
-    if apart > LIMIT_SLACK:
-        bounded_forces(
-            m, wrench, rows, limit, lower, upper, last, ROUNDS, loads, forces, CALMLY,
-            thrust, angles,
-        )  # fmt: skip
+    wanted = beyond or overloaded(loads, forces)
+    for near in range(CALMLY + 1):  # one call of what is long to compile
+        if near != LEAST:
+            apart = ease(m, goal, share[near - NEAR], internal[near - NEAR], forces)
+            wanted = apart > LIMIT_SLACK
+        if wanted:
+            bounded_forces(
+                m, wrench, rows, limit, lower, upper, last, ROUNDS, loads, forces, near,
+                thrust, angles,
+            )  # fmt: skip
+            if near != CALMLY:
+                apart_from_least_into(m, wrench, rows, limit, thrust, angles, goal)
+        if near == NEAR:
+            wrench_into(m, thrust, angles, reached)
 
 
 @bare
@@ -122,7 +116,7 @@ def ease(m: Floats, goal: Floats, share: float, now: Floats, out: Floats) -> flo
     return apart
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def keep_limits(
     tree: Tree,
     gimbals: Gimbals,

@@ -44,7 +44,7 @@ def wrench_scale(mass: float, gravity: float, length: float) -> Floats:
     return rows
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def least_answer(
     m: Floats,
     limit: Floats,
@@ -160,7 +160,7 @@ def blend(
         virtual[r] += extra[r]
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def lean(
     tree: Tree,
     rotors: Rotors,

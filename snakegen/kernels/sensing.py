@@ -17,7 +17,7 @@ def read_imu(sim: Simulator, memory: Memory) -> None:
         memory.imu[9 + i] = sim.qvel[3 + i]
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def sense(
     sim: Simulator,
     wires: Wiring,
@@ -73,7 +73,7 @@ def sense(
     return measured, late[18 + 2 * n : first]
 
 
-@bare
+@bare(no_cpython_wrapper=True)
 def remember(sim: Simulator, memory: Memory, rows: Rows, k: int) -> None:
     """Writes the state at the start of tick k into its row of the log."""
     for i in range(sim.qpos.shape[0]):
