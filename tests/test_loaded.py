@@ -7,6 +7,7 @@ import pytest
 from snakegen.control.controller import flight_controller
 from snakegen.control.frame import cog_frame
 from snakegen.kernels.compliant import twists, yielding_thrusts
+from snakegen.kernels.control_types import Measured, Target
 from snakegen.kernels.joint_loads import no_loads
 from snakegen.kernels.underactuated import rotor_map, truncated
 from snakegen.kernels.vectoring import joint_order
@@ -177,3 +178,19 @@ def test_yielding_thrusts_make_the_wrench_with_the_gimbals_as_they_stand(dual, s
     assert np.abs(stands @ thrust - wanted).max() < 2e-3
     assert np.abs(rigid @ thrust - wanted).max() > 5e-3, "the twist must matter here"
     assert np.all(thrust >= -1e-9) and np.all(thrust <= c.rotors.thrust_max + 1e-9)
+
+
+def test_a_command_for_gimbals_that_give_way_is_not_taken_for_a_saturated_one(dual, start):
+    """Else the integrals stand still while there is room, and the body drifts off."""
+    c, still = flight_controller(dual, allocator="constrained"), np.zeros(3)
+    angles = dual.angles(start)
+    frame = cog_frame(c, angles)
+    pairs = zip(c.gimbals.roll_body, c.gimbals.pitch_body, strict=True)
+    gimbals = np.array([[angles[b - 1] for b in pair] for pair in pairs])
+    measured = Measured(np.eye(3), still, still, still, angles, np.zeros_like(angles))
+    turned = np.array([[1.0, -0.02, 0.0], [0.02, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    target = Target(frame.cog, still, still, turned, still)
+    state, command = c.tick(measured, target, c.start(gimbals), 0.005)
+    assert abs(command.wanted[5]) > 0.05
+    missed = frame.scale * (command.given - command.wanted)
+    assert state.saturated == 0 and np.abs(missed[2:]).max() < 1e-6

@@ -110,6 +110,7 @@ def yielding_answer(
     thrust_max: Floats,
     loads: JointLoads,
     thrust: Floats,
+    stands: Floats,
 ) -> float:
     """Writes thrusts (n,) within limits for ``[f_z; τ]`` as the gimbals will stand; returns σ_min.
 
@@ -123,10 +124,11 @@ def yielding_answer(
         thrust_min, thrust_max: (n,) N.
         loads: bounds of the joints on the thrusts.
         thrust: (n,) N.
+        stands: (Ñ, 2) rad, joint order, where the gimbals will stand.
     """
-    n, gimbals = rotor.shape[0], angles.shape[0]
+    n = rotor.shape[0]
     full, q, bent, goal = scratch((6, n)), scratch((4, n)), scratch((4, n)), scratch(4)
-    turn, slope, stands = scratch((n, 2)), scratch((n, 2, 6)), scratch((gimbals, 2))
+    turn, slope = scratch((n, 2)), scratch((n, 2, 6))
     drawn, before = scratch((n, 2)), scratch(n)
     rotor_map_into(m, rotor, angles, full)
     truncated_into(full, tilt, q)
@@ -151,6 +153,7 @@ def yielding_answer(
             moved = max(moved, abs(thrust[r] - before[r]) / max(thrust_max[r], 1e-9))
         if moved < MOVED:
             break
+    twisted_into(rotor, angles, turn, thrust, stands)
     return sigma
 
 
@@ -168,8 +171,8 @@ def yielding_thrusts(
     loads: JointLoads,
 ) -> tuple[Floats, float]:
     """Returns thrusts (n,) and σ_min of `yielding_answer`."""
-    thrust = np.empty(rotor.shape[0])
+    thrust, stands = np.empty(rotor.shape[0]), np.empty(angles.shape)
     sigma = yielding_answer(
-        m, rotor, angles, give, tilt, wanted, rows, thrust_min, thrust_max, loads, thrust
+        m, rotor, angles, give, tilt, wanted, rows, thrust_min, thrust_max, loads, thrust, stands
     )
     return thrust, sigma

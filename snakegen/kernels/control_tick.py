@@ -180,7 +180,7 @@ def decide(
         spread_thrust(rotor, pushes, thrust)
         if sigma < law.sigma_min:
             status = REFUSED
-    tilt = scratch((3, 3))
+    tilt, stands = scratch((3, 3)), scratch((n, 2))
     if share < 1.0:
         level_axes_into(target.rotation, tilt)
         dual_sigma = lean(
@@ -204,6 +204,7 @@ def decide(
             share,
             thrust,
             angles,
+            stands,
         )
         sigma = min(sigma, dual_sigma)
         if dual_sigma < DUAL_SIGMA_MIN:
@@ -213,7 +214,7 @@ def decide(
     clip_to(rotors.thrust_min, rotors.thrust_max, thrust)
     for j in range(n):
         clip_to(lower[j], upper[j], angles[j])
-    made_into(m, rotor, angles, thrust, given)
+    made_into(m, rotor, stands if share < 1.0 else angles, thrust, given)
     if share < 1.0:
         short = falls_short_level(wrench, given, tilt, rows)
     else:

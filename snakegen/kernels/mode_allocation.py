@@ -182,10 +182,12 @@ def lean(
     share: float,
     thrust: Floats,
     angles: Floats,
+    stands: Floats,
 ) -> float:
     """Writes thrust (n,) and angles (Ñ, 2) of dual-rotor mode, or `share` of the way from it.
 
-    There what the virtual mode asks stands in them on entry. Returns σ_min: eqs 20-28.
+    There what the virtual mode asks stands in them on entry. Returns σ_min: eqs 20-28. Besides,
+    the angles (Ñ, 2) at which gimbals `stands` under the thrusts, as far as the allocator knows.
     """
     n, count = angles.shape[0], thrust.shape[0]
     k = law.joints.shape[0] if law.constrained else 0
@@ -221,9 +223,11 @@ def lean(
         give = scratch((n, 2))
         joint_order_into(m, law.gimbal_give, give)
         sigma = yielding_answer(
-            m, rotor, angles, give, tilt, part, rows[2:], least, most, bent, split
+            m, rotor, angles, give, tilt, part, rows[2:], least, most, bent, split, stands
         )
     else:
+        for j in range(n):
+            stands[j, 0], stands[j, 1] = angles[j, 0], angles[j, 1]
         sigma = dual_answer(q, part, rows[2:], least, most, 0, bent, split)
     if share > 0.0:
         blend(q, part, most, thrust, split, share)
