@@ -1,11 +1,13 @@
 """Mission gust: wind through the plant's air, a push only if asked for, refused if it is void."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import snakegen
 from snakegen.errors import MissionError
-from snakegen.verify.missions.gust import plan
+from snakegen.verify.missions.gust import metrics, plan
 from snakegen.verify.run import prepare, run
 
 
@@ -45,6 +47,21 @@ def test_turbulence_is_of_the_seed_and_of_the_strength_asked_for(dragon4):
     assert 0.3 < np.concatenate(winds[:2]).std() < 3.0
     assert one.meta["plant"]["turbulence"] == 1.5
     assert "recovery_s" not in one.verdict.thresholds(), "it goes on after the gust"
+
+
+def test_a_run_that_ends_in_the_gust_has_not_come_back(dragon4):
+    """Its CoG may be within 5 cm all the while; one that goes on to the end has come back."""
+    recording = run(dragon4, "gust", options={"speed": 1.0, "duration": 3.5})
+    assert recording.metrics["recovery_s"] == 0.0
+    early = recording.time < 2.4
+    cut = {
+        k: replace(c, values=c.values[early])
+        for k, c in recording.channels.items()
+        if c.time is None
+    }
+    short = replace(recording, time=recording.time[early], channels=cut)
+    assert metrics(short)["recovery_s"] is None
+    assert metrics(short)["carried_off_m"] < 0.05
 
 
 def test_wind_without_air_and_senseless_gusts_are_refused(dragon4):

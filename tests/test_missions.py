@@ -111,6 +111,11 @@ def test_switching_is_refused_where_rank_forbids_it():
         ("hover", {"duration": -1.0}, "more than 0"),
         ("hover", {"posture": {"joint1_yaw": 1e-3}}, "singular"),
         ("fail", {"lost": "rotor9_1"}, "no rotor"),
+        ("fail", {"at": 30.0}, "duration 10 s: more than 30.1 is needed"),
+        ("fail", {"at": 9.95}, "more than 10.05 is needed"),
+        ("fail", {"at": -1.0}, "begins at 0"),
+        ("switch", {"at": 30.0}, "duration 12 s: more than 30 is needed"),
+        ("switch", {"stay": 0.0}, "more than 0"),
         ("gust", {"direction": "up"}, "x, y or z"),
         ("squeeze", {"gap": 2.0}, "smaller gap"),
         ("ascend", {"height": 0.01}, "no ascent"),
@@ -132,6 +137,31 @@ def test_bad_input_is_one_clear_line(dragon4, name, options, text):
         ("waypoints:\n  - {time: 0, positon: [0, 0, 1]}", "position"),
         ("waypoints:\n  - {time: 2}\n  - {time: 1}", "rise"),
         ("waypoints: 3", "list"),
+        ("waypoints: []", "list"),
+        ("waypoints: {time: 0}", "list"),
+        ("- {time: 0}", "mapping"),
+        ("", "mapping"),
+        ("waypoints:\n  - 3", "waypoint 1 is no mapping"),
+        ("waypoints:\n  - [0, 1]", "waypoint 1 is no mapping"),
+        ("waypoints:\n  - {time: 0, joints: [1, 2]}", r"\[1, 2\] is no mapping of names"),
+        ("waypoints:\n  - {time: 0, joints: 3}", "3 is no mapping of names"),
+        ("waypoints:\n  - {time: 0, joints: {joint1_yaw: fast}}", "joint1_yaw: 'fast' is not a"),
+        ("waypoints:\n  - {time: 0, joints: {joint1_yaw: [1, 2]}}", "not a finite number"),
+        ("waypoints:\n  - {time: .nan}", "time: nan is not a finite number"),
+        ("waypoints:\n  - {time: }\n", "time: None is not"),
+        ("waypoints:\n  - {time: true}", "time: True is not"),
+        ("waypoints:\n  - {time: '3'}", "time: '3' is not"),
+        ("waypoints:\n  - {time: -2}\n  - {time: 1}", "begins at 0"),
+        ("waypoints:\n  - {time: 0, position: [0, 1]}", "not a list of 3 finite numbers"),
+        ("waypoints:\n  - {time: 0, position: [0, .nan, 1]}", "not a list of 3 finite numbers"),
+        ("waypoints:\n  - {time: 0, position: [0, {x: 1}, 1]}", "not a list of 3"),
+        ("waypoints:\n  - {time: 0, position: {x: 1}}", "not a list of 3 finite numbers"),
+        ("waypoints:\n  - {time: 0, position: null}", "not a list of 3 finite numbers"),
+        ("waypoints:\n  - {time: 0, rpy: [[0, 0, 0]]}", "not a list of 3 finite numbers"),
+        ("waypoints:\n  - {time: 0}\n  - {position: [0, 0, 1.6], time: 0}", "must rise"),
+        ("waypoints:\n  - {time: 0}\n  - {time: 9.0e+8}", "would take"),
+        ("waypoints:\n  - {time: 0}\nduration: 3", "no field 'duration'"),
+        ("waypoints:\n  - {time: 0}\n  - {time: 1" + "0" * 400 + "}", "not a finite number"),
     ],
 )  # fmt: skip
 def test_mission_files_are_refused_in_one_line(dragon4, tmp_path, body, text):
@@ -139,6 +169,16 @@ def test_mission_files_are_refused_in_one_line(dragon4, tmp_path, body, text):
     file.write_text(body, encoding="utf-8")
     with pytest.raises(SnakegenError, match=text):
         prepare(dragon4, str(file))
+
+
+def test_a_switch_may_stay_and_a_loss_says_level(dragon4):
+    """Beyond the end there is no change back; below a margin of 0 a tilted body may yet hover."""
+    stays = mission("switch", dragon4).plan(dragon4, 200.0, stay=100.0)
+    assert stays.facts["switches_s"] == [3.0] and len(stays.events) == 1
+    for lost, word in (("apparatus2", "cannot hover level"), ("rotor2_1", "hover level")):
+        plan = mission("fail", dragon4).plan(dragon4, 200.0, lost=lost)
+        assert plan.events[-1][1].endswith(word)
+        assert (plan.facts["predicted_wrench_margin"] < 0) == ("cannot" in plan.events[-1][1])
 
 
 def test_a_mission_file_is_flown(dragon4, tmp_path):

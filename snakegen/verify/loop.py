@@ -232,8 +232,12 @@ class _Run:
         """Returns the name of the fastest degree of freedom and its speed."""
         model = self.world.model
         dof = int(np.argmax(np.abs(np.nan_to_num(self.data.qvel, nan=np.inf))))
-        name = model.joint(int(model.dof_jntid[dof])).name
-        return f"{name} at {self.data.qvel[dof]:.3g} m/s or rad/s"
+        joint = int(model.dof_jntid[dof])
+        kind, first = model.jnt_type[joint], dof - int(model.jnt_dofadr[joint])
+        slides = kind == mujoco.mjtJoint.mjJNT_SLIDE
+        slides |= kind == mujoco.mjtJoint.mjJNT_FREE and first < 3  # its rotation comes after
+        unit = "m/s" if slides else "rad/s"
+        return f"{model.joint(joint).name} at {self.data.qvel[dof]:.3g} {unit}"
 
 
 def _frame(world: World, controller: Controller, data: mujoco.MjData) -> Floats:

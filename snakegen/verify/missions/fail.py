@@ -41,11 +41,17 @@ def plan(
     rotors = rotors_named(robot, lost)
     if delay < 0:
         raise MissionError(f"delay {delay:g} s: a failure cannot be known before it happens.")
+    if not at >= 0.0:
+        raise MissionError(f"at {at:g} s: the flight begins at 0.")
+    if not at + delay < duration:
+        raise MissionError(
+            f"duration {duration:g} s: more than {at + delay:g} is needed, when the loss is known."
+        )
     joints = resting_joints(robot, posture)
     cog = np.array([0.0, 0.0, height])
     start = place(robot, joints, cog)
     left = margin_without(robot, start, rotors)
-    word = "can still hover" if left >= 0 else "cannot hover any more"
+    word = "can still hover level" if left >= 0 else "cannot hover level"
     return holding(
         ticks(duration, rate),
         joints,

@@ -78,7 +78,10 @@ def plan(
 
 
 def metrics(recording: Recording) -> dict[str, Any]:
-    """Returns how far the gust carried the CoG, and how long it took to come back to 5 cm."""
+    """Returns how far the gust carried the CoG, and how long it took to come back to 5 cm.
+
+    A run that ended before the gust did has not come back: None.
+    """
     from snakegen.verify.metrics import position_error
 
     end = float(recording.meta["facts"]["gust_end_s"])
@@ -87,5 +90,5 @@ def metrics(recording: Recording) -> dict[str, Any]:
     time, error = time[begun], error[begun]
     after = np.flatnonzero((time > end) & (error > 0.05))
     back = float(time[after[-1]] - end) if after.size else 0.0
-    lost = after.size and after[-1] == len(time) - 1
+    lost = not time.size or time[-1] <= end or (after.size and after[-1] == len(time) - 1)
     return {"carried_off_m": float(error.max()), "recovery_s": None if lost else back}

@@ -15,6 +15,7 @@ from snakegen.geometry import Floats, rotation_from_rpy, unskew
 from snakegen.robot import Robot
 from snakegen.verify.plan import Plan, holding, through, ticks
 from snakegen.verify.postures import driven_joints, place, resting_joints
+from snakegen.verify.room import refuse_too_long
 from snakegen.verify.trim import OPTION as TRIM
 
 OPTIONS = {
@@ -22,6 +23,7 @@ OPTIONS = {
     "duration": [None, "s; two seconds after the last waypoint by default"],
     "trim": TRIM,
 }
+_MOST = 1e9  # of any unit: beyond it is a slip of the pen
 _KEYS = ("time", "position", "rpy", "joints")
 
 
@@ -41,7 +43,9 @@ def plan(
     if file is None:
         raise MissionError("mission 'path' needs a file: --mission my.yaml.")
     knots, points = waypoints(robot, Path(str(file)))
-    time = ticks(duration or float(knots[-1]) + 2.0, rate)
+    seconds = float(knots[-1]) + 2.0 if duration is None else duration
+    refuse_too_long(robot, seconds)
+    time = ticks(seconds, rate)
     value, speed, bend = through(time, knots, points)
     rotation = np.array([rotation_from_rpy(x) for x in value[:, 3:6]])
     return holding(
@@ -64,6 +68,9 @@ def waypoints(robot: Robot, path: Path) -> tuple[Floats, Floats]:
     listed = data.get("waypoints") if isinstance(data, dict) else None
     if not isinstance(listed, list) or not listed:
         raise MissionError(f"{path.name}: a mission is a mapping with a list of 'waypoints'.")
+    for key in data:
+        if key != "waypoints":
+            raise MissionError(f"{path.name} has no field '{key}'; it holds 'waypoints' alone.")
     names = driven_joints(robot)
     now = np.concatenate([[0.0, 0.0, 1.5], np.zeros(3), resting_joints(robot)])
     times, rows = [], []
@@ -78,22 +85,32 @@ def waypoints(robot: Robot, path: Path) -> tuple[Floats, Floats]:
         for key, first in (("position", 0), ("rpy", 3)):
             if key in item:
                 now[first : first + 3] = _numbers(item[key], 3, f"{where}: {key}")
-        for name, angle in dict(item.get("joints") or {}).items():
+        for name, angle in _joints(item, where).items():
             if name not in names:
                 raise MissionError(f"{where}: no driven joint '{name}'.{near(str(name), names)}")
             now[6 + names.index(name)] = _numbers(angle, 1, f"{where}: {name}")[0]
         rows.append(now.copy())
+    if times[0] < 0.0:
+        raise MissionError(f"{path.name}: waypoint 1: time {times[0]:g} s; a mission begins at 0.")
     return np.array(times), np.array(rows)
 
 
+def _joints(item: dict[str, Any], where: str) -> dict[str, Any]:
+    given = item.get("joints")
+    if given is not None and not isinstance(given, dict):
+        raise MissionError(
+            f"{where}: joints: {given!r} is no mapping of names to angles, as in joint1_yaw: 0.5."
+        )
+    return given or {}
+
+
 def _numbers(value: Any, count: int, where: str) -> Floats:
-    try:
-        out = np.atleast_1d(np.array(value, dtype=float))
-    except (TypeError, ValueError):
-        out = np.empty(0)
-    if out.shape != (count,) or not np.all(np.isfinite(out)):
-        raise MissionError(f"{where}: {value!r} is not {count} finite number(s).")
-    return out
+    listed = value if isinstance(value, list) else [value]
+    plain = all(isinstance(x, int | float) and not isinstance(x, bool) for x in listed)
+    if not plain or len(listed) != count or not all(abs(x) < _MOST for x in listed):
+        wanted = "a finite number" if count == 1 else f"a list of {count} finite numbers"
+        raise MissionError(f"{where}: {value!r} is not {wanted}.")
+    return np.array(listed, float)
 
 
 def _rates(rotation: Floats, rate: float) -> Floats:

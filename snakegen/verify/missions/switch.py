@@ -6,6 +6,7 @@ import numpy as np
 
 from snakegen.control.controller import flight_controller
 from snakegen.control.switch import require_mode
+from snakegen.errors import MissionError
 from snakegen.robot import Robot
 from snakegen.verify.plan import Plan, holding, ticks
 from snakegen.verify.postures import place, resting_joints
@@ -45,7 +46,12 @@ def plan(
 
     Raises:
         ControlRefused: the other mode cannot hold the posture.
+        MissionError: a flight that ends before the change.
     """
+    if not (at >= 0.0 and stay > 0.0):
+        raise MissionError(f"at {at:g} s, stay {stay:g} s: 0 or more, and more than 0, are needed.")
+    if not at < duration:
+        raise MissionError(f"duration {duration:g} s: more than {at:g} is needed, when it changes.")
     joints = resting_joints(robot, posture)
     cog = np.array([0.0, 0.0, height])
     start = place(robot, joints, cog)
@@ -55,14 +61,17 @@ def plan(
         require_mode(controller, other, robot.angles(start), robot.base_pose(start)[0])
     time = ticks(duration, rate)
     mode = np.where((time >= at) & (time < at + stay), float(other), float(own))
+    events = [(at, f"to {_NAMES[other]}")]
+    if at + stay < duration:
+        events.append((at + stay, f"back to {_NAMES[own]}"))
     return holding(
         time,
         joints,
         start,
         cog,
         mode=mode,
-        events=((at, f"to {_NAMES[other]}"), (at + stay, f"back to {_NAMES[own]}")),
-        facts={"switches_s": [at, at + stay]},
+        events=tuple(events),
+        facts={"switches_s": [t for t, _ in events]},
     )
 
 
