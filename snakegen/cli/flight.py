@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import click
 
@@ -188,7 +188,9 @@ def mission_options(
     from snakegen.posture import read_posture
     from snakegen.verify.missions import mission as find
 
-    known = getattr(find(name, robot), "OPTIONS", {})
+    module = find(name, robot)
+    known = getattr(module, "OPTIONS", {})
+    hints = get_type_hints(module.plan) if hasattr(module, "plan") else {}
     given: dict[str, Any] = {}
     for item in items:
         key, equals, value = item.partition("=")
@@ -201,11 +203,16 @@ def mission_options(
     for key in given:
         if key not in known:
             raise MissionError(f"mission '{name}' has no option '{key}'.{near(key, known)}")
-        default = known[key][0]
-        if isinstance(default, float) and not isinstance(given[key], int | float):
-            raise MissionError(f"--option {key}: {given[key]!r} is not a number.")
-        if isinstance(default, bool) and not isinstance(given[key], bool):
-            raise MissionError(f"--option {key}: {given[key]!r} is neither true nor false.")
+        default, kinds = known[key][0], get_args(hints.get(key))  # kinds of what is None by default
+        value = given[key]
+        if isinstance(default, float) or float in kinds:
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or value != value:
+                raise MissionError(f"--option {key}: {value!r} is not a number.")
+        if isinstance(default, bool) and not isinstance(value, bool):
+            raise MissionError(f"--option {key}: {value!r} is neither true nor false.")
+        if isinstance(default, str) or str in kinds:  # a name may look like a number
+            given[key] = str(value)
     if "posture" in given:
         given["posture"] = read_posture(Path(str(given["posture"])))
     return given
