@@ -16,6 +16,7 @@ from snakegen.log.events import merged
 from snakegen.log.scene import scene
 from snakegen.spec_file import load_spec
 from snakegen.verify.outcome import outcome
+from snakegen.verify.plant import battery_energy
 from snakegen.verify.recording import Event, Recording
 from snakegen.verify.run import run
 
@@ -164,6 +165,23 @@ def test_an_empty_battery_is_named() -> None:
     )
     assert fallen.verdict is not None and not fallen.verdict.passed
     assert "- the battery ran empty on the way: then the rotors stop" in fallen.report
+    told = [e for e in fallen.events if e.text == "battery empty: the rotors stop"]
+    assert len(told) == 1 and told[0].level == "WARN" and 0.8 < told[0].time < 1.2
+    assert fallen.metrics["battery_empty_s"] == pytest.approx(told[0].time, abs=0.06)
+
+
+@pytest.mark.parametrize("mission", ["hover", "gust"])
+def test_battery_and_energy_are_those_of_the_mission(mission: str) -> None:
+    """A hover for trim drains nothing that the mission then lacks."""
+    robot = snakegen.load("dragon4")
+    flown = run(robot, mission, options={"duration": 3.5, "trim": 6.0})
+    used, time = flown.channel("battery_used").values[:, 0], flown.times("battery_used")
+    assert time[0] < -5.0 and time[-1] > 3.3
+    over = flown.metrics["duration_s"] / time[-1]  # the battery is sampled more seldom
+    share = flown.metrics["energy_j"] / battery_energy(robot, 180.0)
+    assert flown.metrics["battery_used"] * over == pytest.approx(share, rel=5e-3)
+    assert flown.metrics["battery_used"] == pytest.approx(time[-1] / 180.0, rel=0.1)
+    assert used[time < 0].max() == 0.0 < used[-1]
 
 
 def test_pages_name_what_a_flight_logs(failed: Recording) -> None:

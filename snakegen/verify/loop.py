@@ -113,6 +113,8 @@ def fly(
     refused = run.rows.status[:k] == REFUSED
     begun = np.flatnonzero(refused & ~np.append(False, refused[:-1]))
     events += [(float(plan.time[i]), "WARN", "σ_min below the threshold") for i in begun]
+    empty = np.flatnonzero(run.rows.used[:k] >= 1.0)[:1]
+    events += [(float(plan.time[i]), "WARN", "battery empty: the rotors stop") for i in empty]
     events += told(plan, controller.law, run.trimmed)
     return _flown(run, k, events, stopped)
 
@@ -147,6 +149,9 @@ class _Run:
             self.controller = controller.with_law(integral_rate=integral_rates(controller.law))
         self.damper, self.modes = damper(world, controller, damping, data.qpos, imperfections.delay)
         self.plant = wiring.plant(world, plan, imperfections, dt, position_rate)
+        self.capacity = self.plant.capacity
+        if plan.trim:  # the mission's battery is full at its t = 0
+            self.plant = self.plant._replace(capacity=np.inf)
         self.wires = wiring.wiring(world, plan)
         self.references = wiring.references(plan, noise, self.frame, controller.mode)
         self.memory = wiring.memory(
@@ -192,6 +197,7 @@ class _Run:
         if 0 < trim == first:
             self.trimmed = found(self.controller.law, self.state)
             self.controller = self.controller.with_law(integral_rate=np.ones((2, 3)))
+            self.plant = self.plant._replace(capacity=self.capacity)
         elif first < trim < last:
             last = trim
         for failure in self.plan.failures:

@@ -212,7 +212,11 @@ def _minima(recording: Recording, start: float, end: float) -> dict[str, Any]:
 def _energy(recording: Recording, start: float, end: float) -> dict[str, Any]:
     out: dict[str, Any] = {}
     if "battery_used" in recording.channels:
-        out["battery_used"] = _worst(_cut(recording, "battery_used", start, end), np.max)
+        used = _cut(recording, "battery_used", start, end)
+        out["battery_used"] = used[-1, 0] - used[0, 0] if used.size else None  # as energy_j does
+        empty = np.flatnonzero(recording.channel("battery_used").values[:, 0] >= 1.0)
+        if empty.size:
+            out["battery_empty_s"] = recording.times("battery_used")[empty[0]]
     if "power" not in recording.channels:
         return out
     inside = _inside(recording.times("power"), start, end)
@@ -286,9 +290,7 @@ def _all_finite(recording: Recording) -> bool:
 
 def _plain(value: Any) -> Any:
     """Returns Python numbers and lists; None for a number that is not finite."""
-    if value is None or isinstance(value, bool):
-        return value
-    if isinstance(value, str):
+    if value is None or isinstance(value, bool | str):
         return value
     if isinstance(value, np.ndarray | list):
         return [_plain(v) for v in value]

@@ -96,8 +96,7 @@ def _opening(facts: Dict, found: Dict) -> list[str]:
 
 
 def _battery(facts: Dict, found: Dict) -> list[str]:
-    used = found.get("battery_used")
-    empty = used is not None and used >= 1.0
+    empty = found.get("battery_empty_s") is not None
     return ["the battery ran empty on the way: then the rotors stop"] if empty else []
 
 
