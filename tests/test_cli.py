@@ -16,7 +16,7 @@ from click.testing import CliRunner
 
 from snakegen import __version__
 from snakegen.analysis import catalogue
-from snakegen.cli import cli
+from snakegen.cli import HELP, cli
 from snakegen.files import INTERRUPTED, folder_whole, on_interrupt
 from snakegen.robot import load
 from snakegen.spec_file import presets
@@ -50,6 +50,20 @@ def test_every_help_has_an_example(words: list[str]) -> None:
     example = result.output.split("Example:")[1]
     assert f"snakegen {' '.join(words)}".strip() in example
     assert "-h, --help" in result.output
+
+
+def test_a_command_called_on_its_own_has_the_same_help() -> None:
+    """As tests and programs call it; click keeps the help option of the first call for good."""
+    from snakegen.cli.presets import schema
+
+    assert "-h, --help" in CliRunner().invoke(schema, ["-h"]).output
+    for words in commands():
+        command: click.Command = cli
+        for word in words:
+            found = command.get_command(click.Context(command), word)  # type: ignore[attr-defined]
+            assert found is not None
+            command = found
+        assert command.context_settings["help_option_names"] == HELP["help_option_names"], words
 
 
 def test_help_is_light() -> None:

@@ -21,6 +21,8 @@ _COMMANDS = {
     "inspect": ("snakegen.cli.inspect", "Read metrics and verdict back from a log."),
     "schema": ("snakegen.cli.presets", "Print the JSON Schema of a spec file."),
 }
+# of every command: click keeps a command's help option as it was first called, on its own or not
+HELP = {"help_option_names": ["-h", "--help"]}
 
 
 class LazyGroup(click.Group):
@@ -62,7 +64,7 @@ class LazyGroup(click.Group):
 @click.group(
     cls=LazyGroup,
     lazy=_COMMANDS,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    context_settings=HELP | {"max_content_width": 100},
 )
 @click.version_option(__version__, "-V", "--version", prog_name="snakegen")
 def cli() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from snakegen.analysis import Entry, catalogue
-from snakegen.cli import LazyGroup
+from snakegen.cli import HELP, LazyGroup
 from snakegen.cli.options import (
     Source,
     Stance,
@@ -91,10 +91,10 @@ def _command(entry: Entry) -> click.Command:
         )(decorated)
     example = f"snakegen analyze {entry.command} {entry.example}"
     help_text = f"{entry.help}\n\n\b\nExample:\n  {example}"
-    return click.command(name=entry.command, help=help_text)(decorated)
+    return click.command(name=entry.command, help=help_text, context_settings=HELP)(decorated)
 
 
-@click.group(cls=AnalyzeGroup, lazy=_lazy())
+@click.group(cls=AnalyzeGroup, lazy=_lazy(), context_settings=HELP)
 def analyze() -> None:
     """Tell what a robot can do; fly, drive or move it to show it.
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from snakegen.cli import HELP
 from snakegen.cli.options import (
     Source,
     check_ending,
@@ -15,7 +16,7 @@ from snakegen.cli.options import (
 )
 
 
-@click.command()
+@click.command(context_settings=HELP)
 @click.option(
     "-o", "--out", metavar="DIR", type=click.Path(), help="Folder; generated/<robot> by default."
 )

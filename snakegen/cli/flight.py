@@ -6,6 +6,7 @@ from typing import Any, get_args, get_type_hints
 
 import click
 
+from snakegen.cli import HELP
 from snakegen.cli.options import (
     Source,
     at_least,
@@ -19,7 +20,7 @@ from snakegen.cli.options import (
 from snakegen.cli.outcome import progress_bar, result_json, result_lines
 
 
-@click.command()
+@click.command(context_settings=HELP)
 @click.option(
     "--mission",
     default="hover",

@@ -4,12 +4,13 @@ from pathlib import Path
 
 import click
 
+from snakegen.cli import HELP
 from snakegen.cli.options import json_option, note, print_json
 from snakegen.cli.outcome import result_json, result_lines
 from snakegen.errors import LogError
 
 
-@click.command()
+@click.command(context_settings=HELP)
 @click.argument("file", metavar="FILE.rrd", type=click.Path())
 @click.argument("other", metavar="[OTHER.rrd]", type=click.Path(), required=False)
 @json_option

@@ -2,10 +2,11 @@
 
 import click
 
+from snakegen.cli import HELP
 from snakegen.cli.options import json_option, print_json
 
 
-@click.command()
+@click.command(context_settings=HELP)
 @json_option
 def presets(as_json: bool) -> None:
     """List the presets, one line each.
@@ -26,7 +27,7 @@ def presets(as_json: bool) -> None:
         click.echo(f"{name:<{width}}  {text}")
 
 
-@click.command()
+@click.command(context_settings=HELP)
 def schema() -> None:
     """Print the JSON Schema of a spec file, for editors.
 

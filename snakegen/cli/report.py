@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from snakegen.cli import HELP
 from snakegen.cli.options import (
     Source,
     Stance,
@@ -16,7 +17,7 @@ from snakegen.cli.options import (
 )
 
 
-@click.command()
+@click.command(context_settings=HELP)
 @posture_options
 @json_option
 @click.option(

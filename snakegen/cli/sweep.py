@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from snakegen.cli import HELP
 from snakegen.cli.options import (
     Source,
     at_least,
@@ -23,7 +24,7 @@ from snakegen.cli.outcome import progress_bar
 from snakegen.errors import SnakegenError
 
 
-@click.command()
+@click.command(context_settings=HELP)
 @click.option("--samples", type=int, default=10_000, show_default=True, help="How many postures.")
 @click.option(
     "--seed", type=int, default=0, show_default=True, callback=at_least(0), help="Of the samples."
