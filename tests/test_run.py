@@ -6,6 +6,7 @@ import pytest
 from snakegen import load
 from snakegen.analysis import control
 from snakegen.errors import MissionError
+from snakegen.log.store import encode
 from snakegen.spec_file import load_spec
 from snakegen.verify.metrics import metrics
 from snakegen.verify.run import run
@@ -33,6 +34,19 @@ def test_the_same_seed_gives_the_same_bits(robot, flown):
 def test_metrics_come_from_the_recording_alone(flown):
     again = metrics(flown)
     assert {k: flown.metrics[k] for k in again} == again
+
+
+def test_states_are_exact_and_what_follows_from_them_is_short(robot, flown):
+    """A minute's log is under 9 MB: 24 bits for torques and rates, 53 for states and commands."""
+    for name in ("velocity", "angular_velocity", "joint_torque", "gimbal_torque", "roll_moment"):
+        values = flown.channel(name).values
+        np.testing.assert_array_equal(values, values.astype(np.float32))
+        assert np.abs(values).max() > 1e-3
+    for name in ("q", "position", "attitude", "thrust", "joint_angle", "gimbal_command"):
+        values = flown.channel(name).values
+        assert np.any(values != values.astype(np.float32)), name
+    _, tables = encode(run(robot, "hover", options={"duration": 6.0}))
+    assert len(tables[0]) / 1200 < 425  # bytes a tick; a fifth more if all are exact
 
 
 def test_the_report_names_plant_checks_and_the_paper(robot, flown):
