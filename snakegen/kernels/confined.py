@@ -15,6 +15,7 @@ from snakegen.kernels.fully_actuated import (
     aim_forces,
     along_into,
     confinement_into,
+    forces_into,
     point_map_into,
 )
 from snakegen.kernels.joint_loads import JointLoads
@@ -23,6 +24,7 @@ from snakegen.kernels.tree import Floats
 from snakegen.kernels.vectoring import AXIS, FIRST, ORIGIN, POINT, SECOND, thrust_line, turned_into
 
 LEAST, NEAR, CALMLY = 0, 1, 2  # which of all the answers
+AT_REST = 1e-4  # rad, of the last round: what it leaves of the wrench is of second order, 1e-8
 LEAST_TURNED = 0.5  # N; what turns a lesser force moves its point for next to nothing
 LEAST_SWEPT = 0.05  # of ‖∂u/∂x‖²; less is too near θ = ±90° to be told by a derivative
 
@@ -162,6 +164,7 @@ def bounded_forces(
     lower: Floats,
     upper: Floats,
     last: Floats,
+    before: Floats,
     rounds: int,
     loads: JointLoads,
     internal: Floats,
@@ -177,7 +180,8 @@ def bounded_forces(
         rows: (6,) scale of the wrench's rows; it decides what is given up when out of reach.
         limit: (Ñ,) N.
         lower, upper: (Ñ, 2) rad, joint order.
-        last: (Ñ, 2) rad, joint order.
+        last: (Ñ, 2) rad, joint order, of the tick before.
+        before: (Ñ,) N, thrusts of the tick before, 0 for none: where the first map is taken.
         rounds: most rounds.
         loads: bounds of the joints on forces in CoG axes.
         internal: (3Ñ,) N, CoG axes, forces against one another to keep, unless `near` is LEAST.
@@ -195,8 +199,7 @@ def bounded_forces(
         for k in range(2):
             angles[j, k] = last[j, k]
     confinement_into(m, angles, allowed)
-    for c in range(3 * n):
-        forces[c] = 0.0
+    forces_into(m, before, last, forces)
     top[0] = nan
     for _ in range(rounds):
         turning_map_into(m, angles, forces, allowed, q)
@@ -208,5 +211,5 @@ def bounded_forces(
             ball_forces_into(q, wrench, rows, limit, bound, top, forces)
         moved = aimed(m, forces, lower, upper, thrust, angles, missed)
         confine_at_limits(m, angles, lower, upper, missed, allowed)
-        if moved < 1e-9:
+        if moved < AT_REST:
             break

@@ -57,6 +57,16 @@ def spread_thrust(rotor: Floats, pushes: Floats, thrust: Floats) -> None:
 
 
 @bare
+def gather_thrust(rotor: Floats, thrust: Floats, pushes: Floats) -> None:
+    """Writes the thrusts (Ñ,) of apparatuses whose rotors give (n,); 0 before the first tick."""
+    for j in range(pushes.shape[0]):
+        pushes[j] = 0.0
+    for r in range(thrust.shape[0]):
+        if thrust[r] == thrust[r]:
+            pushes[int(rotor[r, 2, 1])] += thrust[r]
+
+
+@bare
 def clip_to(lower: Floats, upper: Floats, x: Floats) -> None:
     """Clips x to its limits in place; all one-dimensional."""
     for i in range(x.shape[0]):
@@ -158,6 +168,8 @@ def decide(
             angles,
         )
         if law.constrained:
+            before = scratch(n)
+            gather_thrust(rotor, state.thrust, before)
             keep_limits(
                 tree,
                 gimbals,
@@ -167,6 +179,7 @@ def decide(
                 wrench,
                 rows,
                 last,
+                before,
                 lower,
                 upper,
                 beyond,

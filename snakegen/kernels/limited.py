@@ -21,6 +21,7 @@ def bounded_answer(
     wrench: Floats,
     rows: Floats,
     last: Floats,
+    before: Floats,
     lower: Floats,
     upper: Floats,
     beyond: bool,
@@ -42,6 +43,7 @@ def bounded_answer(
     nothing to the wrench, is eased in, and the pseudo-inverse meets the wrench beside them.
 
     Args:
+        last, before: (Ñ, 2) rad and (Ñ,) N, gimbals and thrusts of the tick before; 0 for none.
         beyond: of the answer on entry.
         share: (2,) of the way to the internal forces wanted now; 1 goes there at once.
         thrust, angles: (Ñ,) and (Ñ, 2), the answer.
@@ -61,7 +63,7 @@ def bounded_answer(
             wanted = apart > LIMIT_SLACK
         if wanted:
             bounded_forces(
-                m, wrench, rows, limit, lower, upper, last, ROUNDS, loads, forces, near,
+                m, wrench, rows, limit, lower, upper, last, before, ROUNDS, loads, forces, near,
                 thrust, angles,
             )  # fmt: skip
             if near != CALMLY:
@@ -126,6 +128,7 @@ def keep_limits(
     wrench: Floats,
     rows: Floats,
     last: Floats,
+    before: Floats,
     lower: Floats,
     upper: Floats,
     beyond: bool,
@@ -166,6 +169,7 @@ def keep_limits(
         wrench,
         rows,
         last,
+        before,
         lower,
         upper,
         beyond,

@@ -113,6 +113,7 @@ def allocate_virtual(
             wrench,
             rows,
             last,
+            np.zeros(n),
             lower,
             upper,
             beyond,
