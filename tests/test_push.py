@@ -23,6 +23,7 @@ from snakegen.margins.thrust import thrust_margins
 from snakegen.verify.forecast import forecast
 from snakegen.verify.postures import bent, place, resting_joints
 from snakegen.verify.run import prepare, run
+from snakegen.verify.verdict import verdict
 
 
 @pytest.fixture(scope="module")
@@ -145,12 +146,31 @@ def test_a_push_is_lost_where_the_analysis_says(robot, allocator):
     recording = run(robot, "push", allocator=allocator, ideal=True, options=options)
     m = recording.metrics
     assert m["tracking_lost"] and 0.95 <= m["ratio"] <= 1.05
+    assert recording.verdict.passed, recording.verdict.summary()
     if allocator == "paper":
         assert m["limit_ratio"] == pytest.approx(1.0, abs=0.003)
     # the same push called by another name would show at once
     half = np.array(m["predicted_wrench"]) * 0.5
     lost = np.array(m["lost_wrench"])
     assert np.linalg.norm(lost) > 1.5 * np.linalg.norm(half)
+
+
+def test_the_papers_allocator_has_to_agree_from_both_sides(robot):
+    """Without noise; the constrained one may hold more than is promised, noise is reported."""
+
+    def failed(found, **how):
+        bounds = prepare(robot, "push", options={"slow": 40.0}, **how).plan.thresholds
+        judged = verdict(found, {k: v for k, v in bounds.items() if v is not None})
+        return {c.metric for c in judged.failed}
+
+    good = {"ratio": 1.02, "limit_ratio": 1.0}
+    for wrong in ({"ratio": 1.07}, {"limit_ratio": 1.07}, {"limit_ratio": 0.93}):
+        assert failed(good | wrong, ideal=True) == set(wrong)
+        assert not failed(good | wrong) and not failed(good)
+        assert not failed(good | wrong, ideal=True, allocator="constrained")
+    assert failed(good | {"limit_ratio": None}, ideal=True) == {"limit_ratio"}
+    for how in ({}, {"ideal": True}, {"ideal": True, "allocator": "constrained"}):
+        assert failed(good | {"ratio": 0.94}, **how) == {"ratio"}
 
 
 BENT = {

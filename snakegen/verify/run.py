@@ -168,7 +168,7 @@ def prepare(
     if is_file(name):
         given["file"] = name
     if "allocator" in module.OPTIONS:
-        given["allocator"] = allocator
+        given |= {"allocator": allocator, "ideal": ideal}
     plan: Plan = module.plan(robot, rate, **{k: v for k, v in given.items() if k != "trim"})
     check_references(robot, plan)
     if "trim" in module.OPTIONS:
