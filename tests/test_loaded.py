@@ -169,12 +169,13 @@ def test_yielding_thrusts_make_the_wrench_with_the_gimbals_as_they_stand(dual, s
     angles, tilt = joint_order(m, gimbals), np.eye(3)
     wanted = np.r_[frame.hover_wrench[2], share * np.array([0.03, 0.03, -0.25])]
     rigid = truncated(rotor_map(m, rows, angles), tilt)
-    thrust, _ = yielding_thrusts(
+    thrust, stood, _ = yielding_thrusts(
         m, rows, angles, give, tilt, wanted, frame.scale[2:],
-        c.rotors.thrust_min, c.rotors.thrust_max, no_loads(8),
+        c.rotors.thrust_min, c.rotors.thrust_max, 1, no_loads(8),
     )  # fmt: skip
     turn, _ = twists(m, rows, angles, give)
-    stands = truncated(rotor_map(m, rows, twisted(rows, angles, turn, thrust)), tilt)
+    np.testing.assert_allclose(stood, twisted(rows, angles, turn, thrust), atol=1e-12)
+    stands = truncated(rotor_map(m, rows, stood), tilt)
     assert np.abs(stands @ thrust - wanted).max() < 2e-3
     assert np.abs(rigid @ thrust - wanted).max() > 5e-3, "the twist must matter here"
     assert np.all(thrust >= -1e-9) and np.all(thrust <= c.rotors.thrust_max + 1e-9)

@@ -99,9 +99,21 @@ def allocate(
     least, most, free = rotors.thrust_min, rotors.thrust_max, no_loads(q.shape[1])
     if law.constrained:
         angles, give = joint_order(m, turns), joint_order(m, law.gimbal_give)
-        thrust, sigma = yielding_thrusts(
-            m, frame.rotors, angles, give, tilt, wanted, frame.scale[2:], least, most, free
+        thrust, stands, sigma = yielding_thrusts(
+            m,
+            frame.rotors,
+            angles,
+            give,
+            tilt,
+            wanted,
+            frame.scale[2:],
+            least,
+            most,
+            law.constrained,
+            free,
         )
+        full = rotor_map(m, frame.rotors, stands)
+        q = truncated(full, tilt)
     else:
         thrust, sigma = allocate_dual(q, wanted, frame.scale[2:], least, most, 0, free)
     if sigma < DUAL_SIGMA_MIN and not force:

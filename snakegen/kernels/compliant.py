@@ -108,6 +108,7 @@ def yielding_answer(
     rows: Floats,
     thrust_min: Floats,
     thrust_max: Floats,
+    constrained: int,
     loads: JointLoads,
     thrust: Floats,
     stands: Floats,
@@ -122,6 +123,7 @@ def yielding_answer(
         wanted: (4,) ``[f_z; τ]``.
         rows: (4,) their scale.
         thrust_min, thrust_max: (n,) N.
+        constrained: as of `dual_answer`.
         loads: bounds of the joints on the thrusts.
         thrust: (n,) N.
         stands: (Ñ, 2) rad, joint order, where the gimbals will stand.
@@ -132,7 +134,7 @@ def yielding_answer(
     drawn, before = scratch((n, 2)), scratch(n)
     rotor_map_into(m, rotor, angles, full)
     truncated_into(full, tilt, q)
-    sigma = dual_answer(q, wanted, rows, thrust_min, thrust_max, 1, loads, thrust)
+    sigma = dual_answer(q, wanted, rows, thrust_min, thrust_max, constrained, loads, thrust)
     twists_into(m, rotor, angles, give, turn, slope)
     for _ in range(ROUNDS):
         twisted_into(rotor, angles, turn, thrust, stands)
@@ -147,7 +149,7 @@ def yielding_answer(
                 goal[k] += (bent[k, r] - q[k, r]) * thrust[r]
         for r in range(n):
             before[r] = thrust[r]
-        dual_answer(bent, goal, rows, thrust_min, thrust_max, 1, loads, thrust)
+        dual_answer(bent, goal, rows, thrust_min, thrust_max, constrained, loads, thrust)
         moved = 0.0
         for r in range(n):
             moved = max(moved, abs(thrust[r] - before[r]) / max(thrust_max[r], 1e-9))
@@ -168,11 +170,24 @@ def yielding_thrusts(
     rows: Floats,
     thrust_min: Floats,
     thrust_max: Floats,
+    constrained: int,
     loads: JointLoads,
-) -> tuple[Floats, float]:
-    """Returns thrusts (n,) and σ_min of `yielding_answer`."""
+) -> tuple[Floats, Floats, float]:
+    """Returns thrusts (n,), angles (Ñ, 2) and σ_min of `yielding_answer`."""
     thrust, stands = np.empty(rotor.shape[0]), np.empty(angles.shape)
     sigma = yielding_answer(
-        m, rotor, angles, give, tilt, wanted, rows, thrust_min, thrust_max, loads, thrust, stands
+        m,
+        rotor,
+        angles,
+        give,
+        tilt,
+        wanted,
+        rows,
+        thrust_min,
+        thrust_max,
+        constrained,
+        loads,
+        thrust,
+        stands,
     )
-    return thrust, sigma
+    return thrust, stands, sigma

@@ -224,12 +224,24 @@ def lean(
         give = scratch((n, 2))
         joint_order_into(m, law.gimbal_give, give)
         sigma = yielding_answer(
-            m, rotor, angles, give, tilt, part, rows[2:], least, most, bent, split, stands
+            m,
+            rotor,
+            angles,
+            give,
+            tilt,
+            part,
+            rows[2:],
+            least,
+            most,
+            law.constrained,
+            bent,
+            split,
+            stands,
         )
     else:
         for j in range(n):
             stands[j, 0], stands[j, 1] = angles[j, 0], angles[j, 1]
-        sigma = dual_answer(q, part, rows[2:], least, most, 0, bent, split)
+        sigma = dual_answer(q, part, rows[2:], least, most, law.constrained, bent, split)
     if share > 0.0:
         blend(q, part, most, thrust, split, share)
     else:
