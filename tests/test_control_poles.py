@@ -8,7 +8,7 @@ from test_control_allocation import G, controller_of
 from test_control_flight import TABLE_3, TUNED, Rigid, bent_angles, target_at
 
 from snakegen.control.gains import Gains
-from snakegen.control.poles import loops
+from snakegen.control.poles import loops, settling_times
 from snakegen.geometry import rotation_from_rpy
 from snakegen.kernels.control_types import DUAL, VIRTUAL
 
@@ -85,6 +85,27 @@ def test_delay_margin_equals_the_phase_margin_over_the_crossover():
         last = np.flatnonzero(np.abs(open_loop) > 1)[-1]
         phase = np.pi + np.unwrap(np.angle(open_loop))[last]
         assert loop.delay_margin == pytest.approx((phase % (2 * np.pi)) / w[last], rel=2e-3)
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_settling_is_that_of_the_simulated_step(axis):
+    """Residues of the loop against the tick on a rigid body; x through tilt and gimbals."""
+    robot, gains = snake(2, offset=0.05), Gains(**TUNED)
+    angles = bent_angles(robot, 0.7, 0.0)
+    controller = controller_of(robot, gains, DUAL)
+    told = settling_times(controller, gains, DUAL, lag=0.035, delay=0.005)["xyz"[axis]]
+    goal = np.zeros(3)
+    goal[axis] = 0.05
+    body = Rigid(robot, controller, angles, DUAL)
+    track = body.fly(target_at(goal), 20.0, lag=0.035, delay=0.005)
+    away = np.flatnonzero(np.abs(track[:, axis] / 0.05 - 1.0) > 0.05)
+    assert 0.005 * away[-1] == pytest.approx(told, rel=0.03)
+    assert (
+        settling_times(
+            controller_of(robot, Gains(**TABLE_3), DUAL), Gains(**TABLE_3), DUAL, lag=0.035
+        )["y"]
+        == np.inf
+    )
 
 
 def test_simulated_loop_loses_stability_between_the_delay_margins():

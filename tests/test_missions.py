@@ -50,6 +50,17 @@ def test_a_known_second_order_response_is_measured_right():
     assert step.response(t, 0.5 * x)[2] is None and step.response(t, 0.5 * x)[0] is None
 
 
+def test_steps_of_both_presets_settle(dragon3, dragon4):
+    """With their own gains and noise: x of dragon3 swung on at Table 3's K_p 4, K_d 7."""
+    for robot in (dragon3, dragon4):
+        recording = run(robot, "step", seed=2)
+        assert recording.verdict.passed, recording.verdict.summary()
+        assert recording.metrics["overshoot"] < 0.4
+    assert step.plan(dragon3, 200.0).facts["hold_s"] == 6.0
+    assert step.plan(dragon4, 200.0).facts["hold_s"] == 7.5  # z settles in 5.7 s by its poles
+    assert step.plan(dragon4, 200.0, hold=2.0).facts["hold_s"] == 2.0
+
+
 def test_no_long_body_touches_itself():
     for links in (2, 5, 12, 32):
         robot = load(load_spec("dragon4", links=links))

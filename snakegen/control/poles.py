@@ -22,6 +22,8 @@ AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 LONGEST = 3.0  # s, delays beyond which a loop counts as indifferent to delay
 NDComplex = NDArray[np.complex128]
 S = Polynomial([0.0, 1.0])
+# of a delay [s]: numerator and characteristic polynomial, of the way from a target to its axis
+System = Callable[[float], tuple[Polynomial, Polynomial]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +97,54 @@ def loops(
         integral: False leaves the integral terms out.
         rate_filter: Hz, cut-off of the second-order Butterworth low-pass on rates; 0: none.
     """
+    out = []
+    systems = _systems(gains, mode, lag, vectoring, integral, rate_filter)
+    for axis, system in zip(AXES, systems, strict=True):
+        out.append(Loop(axis, _poles(system(delay)[1]), _delay_margin(system, delay)))
+    return tuple(out)
+
+
+def settling_times(
+    controller: Controller,
+    gains: Gains,
+    mode: int,
+    *,
+    lag: float,
+    delay: float = 0.0,
+    band: float = 0.05,
+) -> dict[str, float]:
+    """Returns when a step of each axis' target stays within `band` of it [s]; inf if unstable.
+
+    The sum of ``Res T(p)/p e^{pt}`` over the loop's poles p, T its transfer function; arguments as
+    in `flight_loops`.
+    """
+    vectoring = tuple(gains.vectoring(controller.apparatuses).mean(axis=0))
+    cutoff = controller.law.rate_filter
+    systems = _systems(gains, mode, lag, (vectoring[0], vectoring[1]), True, cutoff)
+    return {a: _settling(*s(delay), band) for a, s in zip(AXES, systems, strict=True)}
+
+
+def _settling(top: Polynomial, bottom: Polynomial, band: float) -> float:
+    poles = _poles(bottom)
+    if not np.all(poles.real < 0.0):
+        return float("inf")
+    time = np.linspace(0.0, 8.0 / abs(poles[0].real), 20001)
+    parts = top(poles) / (poles * bottom.deriv()(poles))
+    grown = np.outer(time, poles)
+    grown = np.exp(np.maximum(grown.real, -100.0) + 1j * grown.imag)  # e^-100 is nothing
+    away = np.abs((grown @ parts).real)
+    return float(time[np.flatnonzero(away > band)[-1]])
+
+
+def _systems(
+    gains: Gains,
+    mode: int,
+    lag: float,
+    vectoring: tuple[float, float] | None,
+    integral: bool,
+    rate_filter: float,
+) -> list[System]:
+    """Returns the loops of the six axes; arguments as in `loops`."""
     if vectoring is None:
         means = [float(np.mean(v)) for v in (gains.vectoring_roll, gains.vectoring_pitch)]
         vectoring = (means[0], means[1])
@@ -102,7 +152,7 @@ def loops(
     torque = np.stack([gains.torque_p, gains.torque_i * integral, gains.torque_d])
     tilts = (gains.attitude_pitch, gains.attitude_roll)
     out = []
-    for i, axis in enumerate(AXES):
+    for i in range(len(AXES)):
         row = force[:, i] if i < 3 else torque[:, i - 3]
         system = _single(row, lag, rate_filter)
         if mode != VIRTUAL and i < 2:  # x tilts by pitch (torque y), y by roll (torque x)
@@ -110,8 +160,8 @@ def loops(
             system = _single(vector * row, lag, rate_filter)
             if tilts[i] != 0.0:
                 system = _cascade(row, torque[:, 1 - i], tilts[i], vector, lag, rate_filter)
-        out.append(Loop(axis, _poles(system(delay)), _delay_margin(system, delay)))
-    return tuple(out)
+        out.append(system)
+    return out
 
 
 def _actuator(lag: float, delay: float) -> tuple[Polynomial, Polynomial]:
@@ -135,33 +185,33 @@ def _pid(row: Floats, cutoff: float = 0.0) -> tuple[Polynomial, Polynomial, Poly
     return row[2] * S**2 + slow, slow, S * low
 
 
-def _single(row: Floats, lag: float, cutoff: float) -> Callable[[float], Polynomial]:
-    """Returns the characteristic polynomial of ``s² + H C`` as a function of the delay."""
-    top_c, _, bottom_c = _pid(row, cutoff)
+def _single(row: Floats, lag: float, cutoff: float) -> System:
+    """Returns ``H (K_p + K_i/s) / (s² + H C)``: the target's way to the axis."""
+    top_c, slow_c, bottom_c = _pid(row, cutoff)
 
-    def system(delay: float) -> Polynomial:
+    def system(delay: float) -> tuple[Polynomial, Polynomial]:
         top, bottom = _actuator(lag, delay)
-        return S**2 * bottom * bottom_c + top * top_c
+        return top * slow_c, S**2 * bottom * bottom_c + top * top_c
 
     return system
 
 
 def _cascade(
     outer: Floats, inner: Floats, tilt: float, vector: float, lag: float, cutoff: float
-) -> Callable[[float], Polynomial]:
-    """Returns that of ``s² + (k T(s) + v H(s)) C(s)``, T the attitude loop, H the actuators.
+) -> System:
+    """Returns the same of ``s² + (k T(s) + v H(s)) C(s)``, T the attitude loop, H the actuators.
 
     The target's rate is not fed forward:
     ``T = H (K_p + K_i/s) / (s² + H (K_p + K_i/s + K_d s L))``.
     """
-    top_f, _, bottom_f = _pid(outer, cutoff)
+    top_f, slow_f, bottom_f = _pid(outer, cutoff)
     top_t, slow_t, bottom_t = _pid(inner, cutoff)
 
-    def system(delay: float) -> Polynomial:
+    def system(delay: float) -> tuple[Polynomial, Polynomial]:
         top, bottom = _actuator(lag, delay)
         below = S**2 * bottom * bottom_t + top * top_t
         reach = tilt * top * slow_t * bottom + vector * top * below
-        return S**2 * bottom * bottom_f * below + reach * top_f
+        return reach * slow_f, S**2 * bottom * bottom_f * below + reach * top_f
 
     return system
 
@@ -172,11 +222,11 @@ def _poles(system: Polynomial) -> NDComplex:
     return np.asarray(roots[np.argsort(-roots.real)])
 
 
-def _delay_margin(system: Callable[[float], Polynomial], delay: float) -> float:
+def _delay_margin(system: System, delay: float) -> float:
     """Returns the further delay at which the first pole crosses, by scan and bisection."""
 
     def stable(extra: float) -> bool:
-        return bool(np.all(_poles(system(delay + extra)).real < 0))
+        return bool(np.all(_poles(system(delay + extra)[1]).real < 0))
 
     if not stable(0.0):
         return 0.0

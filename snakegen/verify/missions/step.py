@@ -4,10 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.control.controller import flight_controller, gain_set
+from snakegen.control.poles import settling_times
 from snakegen.errors import MissionError
 from snakegen.geometry import Floats, rotation_from_rpy, rotation_from_xyzw, rpy_from_rotation
 from snakegen.robot import Robot
 from snakegen.verify.plan import Plan, holding, ticks
+from snakegen.verify.plant import Imperfections
 from snakegen.verify.postures import place, resting_joints
 from snakegen.verify.recording import Recording
 from snakegen.verify.trim import OPTION as TRIM
@@ -15,13 +18,14 @@ from snakegen.verify.trim import OPTION as TRIM
 OPTIONS = {
     "size": [0.5, "m, step of x, y and z"],
     "turn": [0.2, "rad, step of roll, pitch and yaw (dual-rotor mode: yaw alone)"],
-    "hold": [6.0, "s, after each step"],
+    "hold": [None, "s, after each step; 6, or what the slowest of these loops needs to settle"],
     "height": [1.5, "m, of the CoG"],
     "posture": [None, "posture file; a bent body by default"],
     "trim": TRIM,
 }
 _FIRST = 1.0  # s, before the first step
 _BAND = 0.05  # share of the step within which it counts as settled
+_LEAST = 6.0  # s, after a step
 _AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
@@ -36,15 +40,16 @@ def plan(
     *,
     size: float = 0.5,
     turn: float = 0.2,
-    hold: float = 6.0,
+    hold: float | None = None,
     height: float = 1.5,
     posture: dict[str, Any] | None = None,
 ) -> Plan:
     """Returns the plan: the target jumps, axis by axis, and stays."""
-    if not (hold > 0 and size != 0 and turn != 0):
-        raise MissionError("step needs hold > 0 s, and a size and a turn other than 0.")
     tilts = robot.modules.control.get("mode") != "dual_rotor"
     axes = [a for a in _AXES if tilts or a not in ("roll", "pitch")]
+    hold = _needed(robot, axes) if hold is None else hold
+    if not (hold > 0 and size != 0 and turn != 0):
+        raise MissionError("step needs hold > 0 s, and a size and a turn other than 0.")
     time = ticks(_FIRST + hold * len(axes), rate)
     joints = resting_joints(robot, posture)
     cog = np.array([0.0, 0.0, height])
@@ -73,6 +78,22 @@ def plan(
             "settling_s": {"at_most": hold},
         },
     )
+
+
+def _needed(robot: Robot, axes: list[str]) -> float:
+    """Returns s a step: a quarter more than the linear loops of the robot's gains settle in.
+
+    6 s at least; where a loop is unstable nothing is worth waiting for.
+    """
+    controller, plant = flight_controller(robot), Imperfections.of(robot.modules.plant)
+    lag = max((r.lag for a in robot.modules.apparatuses for r in a.rotors), default=0.0)
+    found = settling_times(
+        controller, gain_set(robot), controller.mode, lag=lag, delay=plant.delay, band=_BAND
+    )
+    longest = max(found[a] for a in axes)
+    if not np.isfinite(longest):
+        return _LEAST
+    return float(max(_LEAST, np.ceil(2.0 * 1.25 * longest) / 2.0))
 
 
 def metrics(recording: Recording) -> dict[str, Any]:
