@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from snakegen import yaml_file
 from snakegen.errors import DescriptionError, near
+from snakegen.filtering import rate_filter
 from snakegen.modules import Apparatus, Modules, Rotor, Servo
 from snakegen.spec import Control, GainSet, Plant, Uncertainty
 
@@ -72,6 +73,10 @@ def _flying(data: dict[str, Any], name: str) -> dict[str, Any]:
     try:
         if data.get("control") is not None:
             control = Control.model_validate(data["control"]).model_dump(mode="python")
+            asked, rate = control["rate_filter"], control["attitude_rate"]
+            bends = bool((data.get("plant") or {}).get("link_stiffness"))
+            count = len(data.get("apparatuses") or [])  # a body's links are not told apart here
+            control["rate_filter"] = rate_filter(asked, rate, count, bends=bends)
             sets = control.pop("gain_sets") if "gain_sets" in data["control"] else {}
             control["gains"] = control["gains"] if sets else ""
             out |= {"control": control, "gain_sets": sets}

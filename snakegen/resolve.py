@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from snakegen import inertia, payload_mesh
 from snakegen.errors import SpecError
+from snakegen.filtering import rate_filter
 from snakegen.places import Part, spell_out, spread
 from snakegen.wheel_layout import wheel_layout
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 
 _CROSS_WIDTH = 0.05  # m, of the joint's body and the gimbal modules where no inertia is given
 _PAIR_OFFSET = 0.037  # m, DRAGON's pitch axis above the roll axis
-_SHORT = 8  # links, the most that fly without a low-pass on rates
-_RATE_FILTER = 10.0  # Hz; costs presets 15 to 27 ms of their delay margins (assumed)
 _CROSS_MASS = 0.1  # kg, of the joint's body where no mass is given (assumed)
 
 
@@ -41,7 +40,12 @@ def resolve(spec: "RobotSpec") -> dict[str, Any]:
             where = f"control.gain_sets.{name}.{key}"
             values = spread(getattr(gains, key), count, where, "apparatuses")
             out["control"]["gain_sets"][name][key] = values
-    out["control"]["rate_filter"] = _rate_filter(spec)
+    told, rate, bends = (
+        spec.control.rate_filter,
+        spec.control.attitude_rate,
+        spec.plant.link_stiffness,
+    )
+    out["control"]["rate_filter"] = rate_filter(told, rate, spec.chain.links, bends=bends > 0.0)
     if spec.screw_drive is not None:
         out["screw_drive"] |= _screws(spec.screw_drive, out["chain"]["length"])
     if spec.caster is not None:
@@ -55,19 +59,6 @@ def resolve(spec: "RobotSpec") -> dict[str, Any]:
             known = out[name]
             out[name] = {k: known[k] for k in type(part).model_fields if k in known}
     return out
-
-
-def _rate_filter(spec: "RobotSpec") -> float:
-    """Returns the low-pass [Hz] on measured rates: the given one, or what long bodies need.
-
-    Where links bend the root's own wobble passes for the CoG's velocity, and a gyro's noise does so
-    with an arm of metres; rigid bodies of up to 8 links fly without, as in the paper.
-    """
-    given, half = spec.control.rate_filter, 0.5 * spec.control.attitude_rate
-    if given is not None:
-        return given
-    needed = spec.plant.link_stiffness > 0.0 or spec.chain.links > _SHORT
-    return min(_RATE_FILTER, 0.5 * half) if needed else 0.0
 
 
 def _lists(part: Part, section: str, names: Iterable[str], count: int, what: str) -> dict:
