@@ -64,6 +64,13 @@ def test_two_apparatuses_do_not_start_in_virtual_mode(name, overrides, links):
     check_start(robot, flight_controller(robot), plan, force=True)
 
 
+def test_one_apparatus_is_told_to_get_more():
+    """No bend and no mode helps it."""
+    with pytest.raises(MissionError, match="three apparatuses or more") as caught:
+        prepare(changed("dragon4", links=2, apparatus="1"), "hover")
+    assert "dual-rotor" not in str(caught.value) and "bend" not in str(caught.value)
+
+
 def test_two_apparatuses_are_not_switched_to_virtual_mode():
     robot = load("dragon3")
     with pytest.raises(SnakegenError, match=r"virtual-single-rotor mode refused.*Q_force"):

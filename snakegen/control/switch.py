@@ -96,7 +96,7 @@ def out_of_grip(controller: Controller, reach: float) -> str:
     mended = "bend the body so that they do not stand in a line"
     if controller.apparatuses < 3:
         mended = "give it three apparatuses or more"
-    if len(controller.rotors.body) > controller.apparatuses:
+    if len(controller.rotors.body) > controller.apparatuses > 1:
         mended += ", or fly it in dual-rotor mode (control.mode=dual_rotor)"
     return (
         f"scaled σ_min(Q_force) = {round(reach, 9):.2g} at the thrust points is below "
