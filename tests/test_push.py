@@ -1,5 +1,7 @@
 """The tie: rays against closed forms and bisection, joint loads against the law, short pushes."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -158,8 +160,13 @@ def test_a_push_is_lost_where_the_analysis_says(robot, allocator):
 def test_the_papers_allocator_has_to_agree_from_both_sides(robot):
     """Without noise; the constrained one may hold more than is promised, noise is reported."""
 
-    def failed(found, **how):
-        bounds = prepare(robot, "push", options={"slow": 40.0}, **how).plan.thresholds
+    @cache
+    def thresholds(ideal, allocator):
+        how = {"ideal": ideal, "allocator": allocator}
+        return prepare(robot, "push", options={"slow": 40.0}, **how).plan.thresholds
+
+    def failed(found, ideal=False, allocator="paper"):
+        bounds = thresholds(ideal, allocator)
         judged = verdict(found, {k: v for k, v in bounds.items() if v is not None})
         return {c.metric for c in judged.failed}
 
