@@ -56,7 +56,7 @@ FLY     = $(BIN)/snakegen analyze flight $(OUT)/dragon4.urdf --mission transform
 test: $(VENV)/dev.stamp ## run the tests
 	@mkdir -p $(OUT); echo "compiling what kernels are not in the cache" >&2
 	@{ $(BIN)/snakegen analyze flight dragon4 --mission push --option slow=1 -o $(OUT)/kernels.rrd & \
-		$(BIN)/snakegen analyze dragon4 --json; wait; } > $(OUT)/kernels.txt 2>&1 || true
+		for r in dragon4 arm6 screw4; do $(BIN)/snakegen analyze $$r --json; done; wait; } > $(OUT)/kernels.txt 2>&1 || true
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
 
 check: $(VENV)/dev.stamp ## formatting, lint and types
