@@ -1,5 +1,7 @@
 """What a robot's servos can do, as the control law takes it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from snakegen.control.gains import Floats
@@ -36,12 +38,20 @@ def gimbal_limits(robot: Robot) -> tuple[Floats, Floats]:
     return lower, upper
 
 
-def gimbal_give(robot: Robot) -> Floats:
-    """Returns (Ñ, 2) rad/(N m) of the roll and pitch servos: 1 over their stiffness."""
+def give(robot: Robot, names: Sequence[str]) -> Floats:
+    """Returns (k,) rad/(N m) by which the servos of joints give way: 1 over their stiffness.
+
+    0 where there is no servo, or none with a stiffness.
+    """
     stiff = {s.joint: s.stiffness for s in robot.modules.servos}
-    give = np.zeros((len(robot.modules.apparatuses), 2))
+    return np.array([1.0 / stiff[n] if stiff.get(n, 0.0) > 0.0 else 0.0 for n in names])
+
+
+def gimbal_give(robot: Robot) -> Floats:
+    """Returns `give` (Ñ, 2) [rad/(N m)] of the roll and pitch servos; 0 where one is absent."""
+    out = np.zeros((len(robot.modules.apparatuses), 2))
     for j, a in enumerate(robot.modules.apparatuses):
         for k, name in enumerate((a.roll, a.pitch)):
-            if name is not None and stiff.get(name, 0.0) > 0.0:
-                give[j, k] = 1.0 / stiff[name]
-    return give
+            if name is not None:
+                out[j, k] = give(robot, [name])[0]
+    return out

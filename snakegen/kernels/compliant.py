@@ -16,7 +16,7 @@ from snakegen.kernels.linear import cross_into, dot, turn_into
 from snakegen.kernels.mode_dual import dual_answer
 from snakegen.kernels.tree import Floats
 from snakegen.kernels.underactuated import rotor_map_into, truncated_into
-from snakegen.kernels.vectoring import FIRST, ORIGIN, turned_into
+from snakegen.kernels.vectoring import swing_into, turned_into
 
 ROUNDS = 4  # of allocation; the map changes by some per cent, so each round gains two digits
 MOVED = 1e-3  # share of a thrust limit that ends the rounds
@@ -46,13 +46,9 @@ def twists_into(
         for k in range(3):
             p[k] += elbow[k]
         for kind in range(2):
-            turn_into(once, m[j, FIRST + kind], axis)
-            for k in range(3):
-                arm[k] = p[k] - (m[j, ORIGIN, k] if kind == 0 else elbow[k])
+            swing_into(m, j, kind, once, elbow, u, p, axis, arm, du, dp)
             cross_into(arm, u, a)
             turn[r, kind] = give[j, kind] * (dot(axis, a) + ratio * dot(axis, u))
-            cross_into(axis, u, du)
-            cross_into(axis, arm, dp)
             cross_into(dp, u, a)
             cross_into(p, du, b)
             for k in range(3):

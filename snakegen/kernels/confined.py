@@ -21,7 +21,15 @@ from snakegen.kernels.fully_actuated import (
 from snakegen.kernels.joint_loads import JointLoads
 from snakegen.kernels.linear import cross_into, dot, turn_into
 from snakegen.kernels.tree import Floats
-from snakegen.kernels.vectoring import AXIS, FIRST, ORIGIN, POINT, SECOND, thrust_line, turned_into
+from snakegen.kernels.vectoring import (
+    AXIS,
+    FIRST,
+    POINT,
+    SECOND,
+    swing_into,
+    thrust_line,
+    turned_into,
+)
 
 LEAST, NEAR, CALMLY = 0, 1, 2  # which of all the answers
 AT_REST = 1e-4  # rad, of the last round: what it leaves of the wrench is of second order, 1e-8
@@ -110,11 +118,7 @@ def turning_map_into(m: Floats, angles: Floats, forces: Floats, allowed: Floats,
         for k in range(3):
             p[k] += elbow[k]
         for kind in range(2):
-            turn_into(once, m[j, FIRST + kind], axis)
-            for k in range(3):
-                arm[k] = p[k] - (m[j, ORIGIN, k] if kind == 0 else elbow[k])
-            cross_into(axis, u, du)
-            cross_into(axis, arm, dp)
+            swing_into(m, j, kind, once, elbow, u, p, axis, arm, du, dp)
             cross_into(dp, force, moment)
             bulk = size * max(dot(du, du), LEAST_SWEPT)
             for c in range(3):

@@ -18,10 +18,10 @@ from snakegen.kernels.vectoring import (
     AXIS,
     EXTRA,
     FIRST,
-    ORIGIN,
     POINT,
     SECOND,
     point_thrust,
+    swing_into,
     thrust_line,
     turned_into,
 )
@@ -158,11 +158,7 @@ def wrench_jacobian_into(m: Floats, thrust: Floats, angles: Floats, out: Floats)
             out[k, j] = u[k]
             out[3 + k, j] = a[k] + m[j, EXTRA, 0] * u[k]
         for kind in range(2):
-            turn_into(once, m[j, FIRST + kind], axis)
-            for k in range(3):
-                arm[k] = p[k] - (m[j, ORIGIN, k] if kind == 0 else elbow[k])
-            cross_into(axis, u, du)
-            cross_into(axis, arm, dp)
+            swing_into(m, j, kind, once, elbow, u, p, axis, arm, du, dp)
             cross_into(dp, u, a)
             cross_into(p, du, b)
             column = (1 + kind) * n + j

@@ -150,6 +150,35 @@ def thrust_line(m: Floats, j: int, x: Floats, u: Floats, p: Floats) -> None:
 
 
 @bare
+def swing_into(
+    m: Floats,
+    j: int,
+    kind: int,
+    once: Floats,
+    elbow: Floats,
+    u: Floats,
+    p: Floats,
+    axis: Floats,
+    arm: Floats,
+    du: Floats,
+    dp: Floats,
+) -> None:
+    """Writes what a turn of joint `kind` (0, 1) of apparatus j does: ``∂u/∂x`` and ``∂p/∂x``.
+
+    Args:
+        once, elbow: from `turned_into`.
+        u, p: (3,) thrust direction and a point [m], CoG axes.
+        axis, arm: (3,) the joint's axis, and the point [m] from its origin.
+        du, dp: (3,) per rad, ``axis × u`` and ``axis × arm``.
+    """
+    turn_into(once, m[j, FIRST + kind], axis)
+    for k in range(3):
+        arm[k] = p[k] - (m[j, ORIGIN, k] if kind == 0 else elbow[k])
+    cross_into(axis, u, du)
+    cross_into(axis, arm, dp)
+
+
+@bare
 def angle_about(w: Floats, a: Floats, b: Floats) -> float:
     """Returns the angle [rad] about unit w that turns a's part across w onto b's."""
     swept = scratch(3)

@@ -10,6 +10,7 @@ import numpy as np
 
 from snakegen.control.controller import flight_controller
 from snakegen.control.gains import Gains
+from snakegen.control.servos import give
 from snakegen.errors import MissionError
 from snakegen.robot import Robot
 from snakegen.verify.forecast import forecast
@@ -105,7 +106,7 @@ def plan(
         facts={
             "forecast": found.to_json(),
             "slow_from_s": float(corners[3]),
-            "joint_give": _give(robot),
+            "joint_give": give(robot, driven_joints(robot)).tolist(),
         },
         thresholds={
             "ratio": {"at_least": 1.0 - AGREE},
@@ -131,12 +132,6 @@ _UNJUDGED = (
     "gimbal_torque_limit_share",
     "min_self_distance_m",
 )
-
-
-def _give(robot: Robot) -> list[float]:
-    """Returns rad/(N m) of the driven joints' servos: 1 over their stiffness."""
-    stiff = {s.joint: s.stiffness for s in robot.modules.servos}
-    return [1.0 / stiff[n] if stiff[n] > 0.0 else 0.0 for n in driven_joints(robot)]
 
 
 def _at(corners: Any, until: float) -> float:
