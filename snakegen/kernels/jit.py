@@ -1,8 +1,9 @@
-"""The one numba decorator: cached on disk, keyed by a hash of every source a kernel rests on.
+"""The one numba decorator: compiled on disk, keyed by a hash of every source a kernel rests on.
 
 Numba keys its own cache by the file of the decorated function alone, so editing a callee in
 another file leaves a stale result; here the folder's name carries a hash of the kernel's own file
-and of all kernel files that it imports. Where no folder can be written kernels compile in memory.
+and of all kernel files that it imports, and `kernel_cache` keeps the entries. Where no folder can
+be written kernels compile in memory.
 """
 
 import ast
@@ -16,6 +17,8 @@ from typing import Any, TypeVar
 
 import numba
 from numba.core import config
+
+from snakegen.kernels.kernel_cache import KernelCache
 
 F = TypeVar("F", bound=Callable[..., Any])
 numba_config: Any = config
@@ -85,15 +88,13 @@ def jit(function: F | None = None, /, **options: Any) -> Any:
     options.setdefault("no_cfunc_wrapper", True)
     options.setdefault("no_cpython_wrapper", function.__name__.startswith("_"))
     folder = cache_folder(function.__module__.rsplit(".", 1)[-1])
-    before = numba_config.CACHE_DIR
-    numba_config.CACHE_DIR = str(folder) if folder else before
-    try:
-        return numba.njit(cache=folder is not None, **options)(function)
-    finally:
-        numba_config.CACHE_DIR = before
+    dispatcher = numba.njit(**options)(function)
+    if folder and not numba_config.DISABLE_JIT:
+        dispatcher._cache = KernelCache(function, folder)
+    return dispatcher
 
 
 def cold() -> bool:
     """Tells whether the flight and margin kernels have yet to be compiled for this version."""
     folders = [cache_folder(name) for name in ("control_tick", "zonotope")]
-    return any(f is None or not any(f.rglob("*.nbi")) for f in folders)
+    return any(f is None or not any(f.rglob("*.nbc")) for f in folders)
