@@ -64,12 +64,12 @@ def main() -> None:
 
     from snakegen.robot import load
     from snakegen.sweep.run import sweep
-    from snakegen.sweep.samples import draw
+    from snakegen.sweep.samples import draw, sampling
 
     print(f"load before: {load_now()} on {os.cpu_count()} cores")
     robot = load(options.robot)
     low, high, _ = robot.limits(robot.chain_joints)
-    samples = draw("sobol", options.samples, 0, low, high)
+    samples = sampling("sobol", options.samples, 0, low, high)
     watch = Watch()
     watch.start()
     with tempfile.TemporaryDirectory() as folder:
@@ -90,7 +90,7 @@ def main() -> None:
         f"Parquet\npeak memory {watch.once / 2**20:.0f} MiB, {watch.resident / 2**20:.0f} MiB as "
         f"the plain sum of all processes; load after: {load_now()}"
     )
-    one_core(robot, samples[:4096])
+    one_core(robot, draw("sobol", 4096, 0, low, high))
 
 
 def one_core(robot, samples) -> None:

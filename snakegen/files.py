@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Event
+from threading import Event, get_ident
 from types import FrameType
 
 from snakegen.errors import SnakegenError
@@ -112,20 +112,40 @@ def _move_in(new: Path, target: Path) -> None:
     shutil.rmtree(retired, ignore_errors=True)
 
 
-def replace_whole(path: Path, write: Callable[[Path], object]) -> None:
+def replace_whole(path: Path, write: Callable[[Path], object], *, sync: bool = False) -> None:
     """Lets `write` fill a file beside `path`, then renames it over `path`.
+
+    Args:
+        path: to write; the file that a link names, where it is one.
+        write: gets the path of the file to fill.
+        sync: also bring the content to the disk before the rename, against power loss.
 
     Raises:
         SnakegenError: the file cannot be written; what stood at `path` is untouched.
     """
     path = Path(path)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with writing(path):
+        target = path.resolve()
+        target.parent.mkdir(parents=True, exist_ok=True)
+        beside = target.with_name(f".{target.name}.{os.getpid()}.{get_ident():x}.part")
         try:
             write(beside)
-            os.replace(beside, path)
+            if sync:
+                sync_file(beside)
+            os.replace(beside, target)
+            if sync:
+                sync_file(target.parent)
         finally:
             beside.unlink(missing_ok=True)
+
+
+def sync_file(path: Path) -> None:
+    """Brings a file, or the names in a folder, to the disk; a no-op where the system cannot."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
     except OSError as error:
-        raise SnakegenError(f"{path}: cannot be written ({_reason(error)}).") from None
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EBADF):
+            raise
+    finally:
+        os.close(handle)

@@ -16,6 +16,7 @@ from snakegen.errors import AnalysisError
 from snakegen.kernels.postures import segment_distance
 from snakegen.posture import hover_gimbals
 from snakegen.robot import Robot, from_urdf_text, load
+from snakegen.sweep import executors
 from snakegen.sweep import run as running
 from snakegen.sweep.batch import Body, evaluate
 from snakegen.sweep.run import sweep
@@ -126,7 +127,7 @@ def test_an_interrupted_sweep_resumes(
             raise KeyboardInterrupt
         return work(task, rows)
 
-    monkeypatch.setattr(running, "work", stops)
+    monkeypatch.setattr(executors, "work", stops)
     with pytest.raises(KeyboardInterrupt):
         sweep(robot, robot.chain_joints, samples, path, workers=1)
     assert not path.exists()
@@ -139,7 +140,7 @@ def test_an_interrupted_sweep_resumes(
 def test_parts_of_another_sweep_are_refused(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(running, "work", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    monkeypatch.setattr(executors, "work", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
     path = tmp_path / "s.parquet"
     with pytest.raises(KeyboardInterrupt):
         sweep(robot, robot.chain_joints, some(robot, 5), path, workers=1)

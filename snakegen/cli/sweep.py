@@ -23,6 +23,8 @@ from snakegen.cli.options import (
 from snakegen.cli.outcome import progress_bar
 from snakegen.errors import SnakegenError
 
+ANNOUNCED = 100_000  # postures from which on a sweep says beforehand what it will take
+
 
 @click.command(context_settings=HELP)
 @click.option("--samples", type=int, default=10_000, show_default=True, help="How many postures.")
@@ -30,8 +32,8 @@ from snakegen.errors import SnakegenError
     "--seed", type=int, default=0, show_default=True, callback=at_least(0), help="Of the samples."
 )
 @click.option(
-    "--sampling", type=click.Choice(["sobol", "lhs", "random", "walk", "grid"]), default="sobol",
-    show_default=True, help="How postures are chosen within the joint limits.",
+    "--sampling", "kind", type=click.Choice(["sobol", "lhs", "random", "walk", "grid"]),
+    default="sobol", show_default=True, help="How postures are chosen within the joint limits.",
 )  # fmt: skip
 @click.option(
     "--from", "table", metavar="FILE", type=click.Path(), help="CSV or Parquet of postures."
@@ -58,7 +60,7 @@ def sweep(
     source: Source,
     samples: int,
     seed: int,
-    sampling: str,
+    kind: str,
     table: str | None,
     joints: str | None,
     base_rpy: str | None,
@@ -79,10 +81,9 @@ def sweep(
       snakegen analyze sweep dragon4 --samples 20000 --worst --map joint1_yaw,joint2_yaw
       snakegen analyze sweep dragon4 --from postures.csv -o margins.parquet
     """
-    import pyarrow.parquet as pq
-
     from snakegen.sweep.run import sweep as run
-    from snakegen.sweep.samples import chosen_joints, draw, read_table
+    from snakegen.sweep.samples import Table, chosen_joints, read_table, sampling
+    from snakegen.sweep.store import read_columns
 
     _check_margin(column)
     check_ending("-o", out, ".parquet")
@@ -91,37 +92,38 @@ def sweep(
     drawn_over = _map_axes(axes, names)
     low, high, _ = machine.limits(names)
     drawn = (
-        read_table(Path(table), names, low, high)
+        Table(read_table(Path(table), names, low, high))
         if table
-        else draw(sampling, samples, seed, low, high)
+        else sampling(kind, samples, seed, low, high)
     )
     path = Path(out) if out else Path("generated") / machine.name / "sweep.parquet"
     identity = {
         "seed": seed,
-        "sampling": "table" if table else sampling,
+        "sampling": "table" if table else kind,
         "spec": _spec_text(source),
     }
     how: dict[str, Any] = {"base_rpy": _rpy(base_rpy), "tolerance": tolerance, "workers": workers}
     how |= {"identity": identity, "resume": resume, "cluster": cluster}
+    if drawn.count >= ANNOUNCED and not resume:
+        note(_estimate(machine, names, drawn, how))
     with progress_bar(f"{machine.name} sweep") as step, _kept(path):
         run(machine, names, drawn, path, progress=step, **how)
-    found = pq.read_table(path)
-    summary = _summary(found, column)
+    summary = _summary(read_columns(path, (column, "closed", "self_collision")), column)
     picture = None
     if drawn_over:
         from snakegen.plot_sweep import sweep_map
 
         picture = path.with_suffix(".png")
-        sweep_map(picture, machine, found, column, drawn_over)
+        sweep_map(picture, machine, read_columns(path, (*names, column)), column, drawn_over)
     if worst:
-        summary["worst"] = _refine(machine, names, base_rpy, tolerance, found, column)
+        summary["worst"] = _refine(machine, names, base_rpy, tolerance, path, column)
     files = {"table": str(path)} | ({"map": str(picture)} if picture else {})
     if as_json:
         print_json(files | summary)
         return
     for file in files.values():
         note(file)
-    print_rows(f"{machine.name}: sweep of {found.num_rows:,} postures", _rows(summary))
+    print_rows(f"{machine.name}: sweep of {summary['postures']:,} postures", _rows(summary))
 
 
 class Interrupted(SnakegenError):
@@ -132,23 +134,46 @@ class Interrupted(SnakegenError):
 
 @contextmanager
 def _kept(path: Path) -> Iterator[None]:
-    """Tells on Ctrl-C what of the sweep is kept, and how to go on with it.
+    """Says after Ctrl-C or lost workers what of the sweep is kept, and how to go on with it.
 
     Raises:
-        Interrupted: Ctrl-C, and parts stand beside `path`.
+        Interrupted: Ctrl-C, and there are finished parts.
+        WorkersLostError: as it was raised, with what is kept.
     """
-    try:
-        yield
-    except KeyboardInterrupt:
-        parts = path.with_name(path.name + ".parts")
+    from snakegen.sweep.executors import WorkersLostError
+
+    parts = path.with_name(path.name + ".parts")
+
+    def kept() -> str:
         done = len(list(parts.glob("part-*.parquet")))
         if done == 0:
             shutil.rmtree(parts, ignore_errors=True)
-            raise
-        raise Interrupted(
-            f"interrupted; parts finished so far ({done}) are kept in {parts}: "
+            return ""
+        return (
+            f"parts finished so far ({done}) are kept in {parts}: "
             "the same command with --resume goes on from there."
-        ) from None
+        )
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        if said := kept():
+            raise Interrupted(f"interrupted; {said}") from None
+        raise
+    except WorkersLostError as error:
+        raise WorkersLostError(f"{error} {kept() or 'No part was finished.'}") from None
+
+
+def _estimate(machine: Any, names: Any, drawn: Any, how: dict[str, Any]) -> str:
+    """Returns the line that says what a long sweep will take."""
+    from snakegen.geometry import rotation_from_rpy
+    from snakegen.sweep.batch import Body
+    from snakegen.sweep.estimate import estimate, part_rows
+    from snakegen.sweep.run import PART
+
+    body = Body.of(machine, names, rotation_from_rpy(how["base_rpy"]), how["tolerance"])
+    part = part_rows(len(names), PART)
+    return estimate(body, drawn, part, how["workers"], timed=how["cluster"] is None).text()
 
 
 def _spec_text(source: Source) -> str:
@@ -205,7 +230,7 @@ def _summary(found: Any, column: str) -> dict[str, Any]:
     quantiles = np.quantile(finite, [0.0, 0.01, 0.5, 1.0]) if finite.size else [np.nan] * 4
     names = ("least", "percentile_1", "median", "largest")
     return {
-        "postures": found.num_rows,
+        "postures": len(values),
         "margin": column,
         "infeasible_share": 1.0 - finite.size / max(len(values), 1),
         "closed_share": float(np.mean(np.asarray(found["closed"]))),
@@ -214,14 +239,14 @@ def _summary(found: Any, column: str) -> dict[str, Any]:
 
 
 def _refine(
-    machine: Any, names: Any, base_rpy: str | None, tolerance: float, found: Any, column: str
+    machine: Any, names: Any, base_rpy: str | None, tolerance: float, path: Path, column: str
 ) -> dict[str, Any]:
     from snakegen.geometry import rotation_from_rpy
     from snakegen.sweep.batch import Body
-    from snakegen.sweep.worst import refine
+    from snakegen.sweep.worst import refine, worst_rows
 
     body = Body.of(machine, names, rotation_from_rpy(_rpy(base_rpy)), tolerance)
-    w = refine(body, found, column)
+    w = refine(body, worst_rows(body, path, column), column)
     return {
         "posture": {n: float(a) for n, a in zip(w.joints, w.angles, strict=True)},
         "lower": w.lower,

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from snakegen import __version__
+from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
 from snakegen.kernels.postures import hover_postures, self_distances
 from snakegen.kernels.tree import Gimbals, Ints, Rotors, Tree
@@ -45,6 +47,7 @@ class Task:
         force_scale, torque_scale: N and N·m.
         tolerance: of the certified margins.
         gravity: m/s².
+        version: of snakegen, which a worker elsewhere must share.
     """
 
     tree: Tree
@@ -63,6 +66,7 @@ class Task:
     torque_scale: float
     tolerance: float
     gravity: float
+    version: str = __version__
 
 
 def work(task: Task, samples: Floats) -> Floats:
@@ -71,7 +75,14 @@ def work(task: Task, samples: Floats) -> Floats:
     Args:
         task: robot, joints, tolerance.
         samples: (m, k) rad.
+
+    Raises:
+        AnalysisError: this worker has another version of snakegen than the sweep.
     """
+    if task.version != __version__:
+        raise AnalysisError(
+            f"a worker has snakegen {__version__}, the sweep {task.version}: install one version."
+        )
     out = np.empty((len(samples), len(NUMBERS)))
     for i in range(0, len(samples), CHUNK):
         _chunk(task, np.ascontiguousarray(samples[i : i + CHUNK]), out[i : i + CHUNK])

@@ -1,13 +1,16 @@
 """The worst posture: local search from the worst rows of a sweep, certified at the end."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
 from snakegen.sweep.batch import Body, evaluate
+from snakegen.sweep.store import row_groups
 
 STARTS = 8
 _ROUNDS = 40
@@ -46,7 +49,7 @@ def refine(body: Body, table: pa.Table, column: str) -> Worst:
     if not np.isfinite(values).any():
         raise AnalysisError(f"'{column}' is finite at no posture of the sweep.")
     low, high, _ = body.robot.limits(body.joints)
-    order = np.argsort(values)[:STARTS]
+    order = np.argsort(values, kind="stable")[:STARTS]
     at = np.stack([np.asarray(table[n], float)[order] for n in body.joints], axis=1)
     best, step = values[order], np.full(len(order), 0.1)
     rng, count = np.random.default_rng(0), 0
@@ -80,6 +83,20 @@ def refine(body: Body, table: pa.Table, column: str) -> Worst:
         float(values.min()),
         count,
     )
+
+
+def worst_rows(body: Body, path: Path, column: str) -> pa.Table:
+    """Returns the rows of a sweep's file from which `refine` starts, found part by part."""
+    names = (*body.joints, column)
+    if f"{column}_upper" in pq.read_schema(path).names:
+        names = (*names, f"{column}_upper")
+    kept = None
+    for table in row_groups(path, names):
+        both = table if kept is None else pa.concat_tables([kept, table])
+        order = np.argsort(_score(both, column, body.tolerance), kind="stable")
+        kept = both.take(order[:STARTS])
+    assert kept is not None  # a sweep has rows
+    return kept
 
 
 def _bracketed(table: pa.Table, column: str) -> bool:
