@@ -18,11 +18,12 @@ from snakegen.log.store import decode, encode
 from snakegen.verify.metrics import metrics
 from snakegen.verify.recording import Recording, channel
 from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
+from snakegen.verify.worst_place import judged_verdict
 
 
 def _judged(run: Recording) -> Recording:
     numbers = metrics(run)
-    return run.judged(numbers, verdict(numbers, FLIGHT_THRESHOLDS))
+    return run.judged(numbers, judged_verdict(run, numbers, FLIGHT_THRESHOLDS))
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 from synthetic_run import ROTORS, flight
 
 from snakegen.errors import LogError, MissionError
-from snakegen.verify.metrics import metrics, rotation_vectors
+from snakegen.verify.metrics import metrics
 from snakegen.verify.recording import STANDARD, Channel, Recording, channel
+from snakegen.verify.signals import rotation_vectors
 from snakegen.verify.verdict import FLIGHT_THRESHOLDS, Verdict, verdict
 
 

@@ -9,7 +9,8 @@ from typing import Any
 from snakegen.log.read import read
 from snakegen.verify.metrics import metrics
 from snakegen.verify.recording import Recording
-from snakegen.verify.verdict import Verdict, verdict
+from snakegen.verify.verdict import Verdict
+from snakegen.verify.worst_place import judged_verdict
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,9 @@ def inspect(path: str | Path) -> Inspection:
     differing = tuple(k for k in again if k in stated and stated[k] != again[k])
     merged = {**stated, **again}
     judged = recording.verdict
-    again_judged = None if judged is None else verdict(merged, judged.thresholds())
+    again_judged = (
+        None if judged is None else judged_verdict(recording, merged, judged.thresholds())
+    )
     return Inspection(recording, merged, again_judged, differing)
 
 

@@ -25,8 +25,8 @@ from snakegen.robot import Robot
 from snakegen.verify.arm import Moved, move
 from snakegen.verify.metrics import metrics
 from snakegen.verify.recording import Channel, Recording, channel
-from snakegen.verify.verdict import verdict
 from snakegen.verify.world import World, make_world
+from snakegen.verify.worst_place import judged_verdict
 
 STEP = 0.001  # s, of the simulation and of the servos' commands
 LOGGED = 0.002  # s, between rows of the log
@@ -119,8 +119,7 @@ def run_arm(
     found = metrics(recording) | {"completed": not moved.stopped}
     # Friction holds joints back where they turn round: then only the motion made is comparable.
     bounds = THRESHOLDS | ({} if rub.present or lead != "law" else FOLLOWS) | dict(thresholds or {})
-    judged = verdict(found, {k: v for k, v in bounds.items() if v is not None})
-    return recording.judged(found, judged)
+    return recording.judged(found, judged_verdict(recording, found, bounds))
 
 
 def arm_metrics(recording: Recording) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from snakegen.verify.drive import Driven, Progress, pitch_joints, run_contact, r
 from snakegen.verify.drive_plan import DrivePlan, rates
 from snakegen.verify.metrics import metrics
 from snakegen.verify.recording import Channel, Event, Recording, channel
-from snakegen.verify.verdict import verdict
+from snakegen.verify.worst_place import judged_verdict
 
 DRIVE_THRESHOLDS: dict[str, dict[str, Any] | None] = {
     "completed": {"equals": True},
@@ -91,8 +91,8 @@ def judge(
     """Returns the recording with its metrics and verdict; a run cut short does not pass."""
     found = metrics(recording) | (more or {})
     found["completed"] = not recording.meta["stopped"]
-    bounds = {k: v for k, v in (DRIVE_THRESHOLDS | thresholds).items() if v is not None}
-    return recording.judged(found, verdict(found, bounds))
+    bounds = DRIVE_THRESHOLDS | thresholds
+    return recording.judged(found, judged_verdict(recording, found, bounds))
 
 
 def beside_open_ground(free: dict[str, Any]) -> dict[str, Any]:

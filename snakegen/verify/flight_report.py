@@ -106,10 +106,11 @@ def _checks(recording: Recording) -> str:
             c.metric,
             _text(c.value),
             f"{sign[c.kind]} {_text(c.bound)}",
+            c.worst.text() if c.worst else "",
         )
         for c in recording.verdict.checks
     ]
-    return "### Checks\n\n" + table(("", "check", "value", "bound"), rows)
+    return "### Checks\n\n" + table(("", "check", "value", "bound", "worst at"), rows)
 
 
 def _tracking(meta: dict[str, Any], found: dict[str, Any]) -> str:

@@ -13,11 +13,17 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from snakegen.errors import LogError
 from snakegen.verify.drive_metrics import drive_metrics
 from snakegen.verify.recording import Recording
+from snakegen.verify.signals import (
+    MAY_BE_UNDEFINED,
+    at_limit,
+    attitude_error,
+    held_limit,
+    position_error,
+)
 from snakegen.verify.vibration_metrics import vibration_metrics
 
 Floats = NDArray[np.float64]
@@ -26,7 +32,6 @@ AIRBORNE = 0.05  # m above the floor: off it, whatever the landing gear does
 FREE = 0.5  # s without contact: not a bounce
 TOUCHING = 1e-4  # m: contact
 SETTLED = 10.0  # s, after which drives are measured (HA's start error has then decayed)
-AT_LIMIT = 1e-3  # share of the thrust range that counts as being at its end
 
 
 def metrics(recording: Recording) -> dict[str, Any]:
@@ -49,33 +54,6 @@ def metrics(recording: Recording) -> dict[str, Any]:
         out.update(part(recording, start, end))
     out.update(_of_mission(recording))
     return {key: _plain(value) for key, value in out.items()}
-
-
-def position_error(recording: Recording) -> Floats:
-    """Returns target − position, (T, 3) m, at the times of `position`."""
-    target = recording.held("position_target", recording.times("position"))
-    return target - recording.channel("position").values
-
-
-def attitude_error(recording: Recording) -> Floats:
-    """Returns the rotation vector of ``Rᵀ R_target``, (T, 3) rad, at the times of `attitude`."""
-    actual = recording.channel("attitude").values
-    target = recording.held("attitude_target", recording.times("attitude"))
-    return rotation_vectors(actual, target)
-
-
-def rotation_vectors(actual: Floats, target: Floats) -> Floats:
-    """Returns log(Rᵀ R_target) of quaternions xyzw (T, 4): (T, 3) rad, the short way round."""
-    v, w = -actual[:, :3], actual[:, 3:]
-    vt, wt = target[:, :3], target[:, 3:]
-    vector = w * vt + wt * v + np.cross(v, vt)
-    scalar = w * wt - np.sum(v * vt, axis=1, keepdims=True)
-    vector = np.where(scalar < 0, -vector, vector)
-    size = np.linalg.norm(vector, axis=1, keepdims=True)
-    angle = 2.0 * np.arctan2(size, np.abs(scalar))
-    small = size < 1e-12
-    factor = np.where(small, 2.0, angle / np.where(small, 1.0, size))
-    return factor * vector
 
 
 def _tracking(recording: Recording, start: float, end: float) -> dict[str, Any]:
@@ -109,17 +87,15 @@ def _thrusts(recording: Recording, start: float, end: float) -> dict[str, Any]:
         return {}
     thrust = _cut(recording, "thrust", start, end)
     out: dict[str, Any] = {"thrust_max_n": _worst(thrust, np.max)}
-    upper = _limit(recording, "thrust_max", thrust.shape[1])
-    if upper is None:
+    upper = held_limit(recording, "thrust_max", thrust.shape[1])
+    limited = at_limit(recording)
+    if upper is None or limited is None:
         return out
-    lower = _limit(recording, "thrust_min", thrust.shape[1])
-    lower = np.zeros_like(upper) if lower is None else lower
-    asked = thrust
-    if "thrust_command" in recording.channels:
-        asked = _cut(recording, "thrust_command", start, end)
-    slack = AT_LIMIT * (upper - lower)
-    at_limit = np.any((asked >= upper - slack) | (asked <= lower + slack), axis=1)
-    out["saturation_share"] = np.mean(at_limit) if np.all(np.isfinite(asked)) else None
+    name = "thrust_command" if "thrust_command" in recording.channels else "thrust"
+    inside = _inside(recording.times(name), start, end)
+    asked = recording.channel(name).values[inside]
+    busy = np.any(limited[inside], axis=1)
+    out["saturation_share"] = np.mean(busy) if np.all(np.isfinite(asked)) else None
     out["thrust_headroom"] = _worst(1.0 - thrust / upper, np.min)
     return out
 
@@ -133,7 +109,7 @@ def _torques(recording: Recording, start: float, end: float) -> dict[str, Any]:
         if torque.shape[1] == 0:
             continue
         out[f"{name}_max_n_m"] = _worst(torque, np.max)
-        limit = _limit(recording, name, torque.shape[1])
+        limit = held_limit(recording, name, torque.shape[1])
         if limit is not None:
             out[f"{name}_use"] = _worst(torque / limit, np.max)
             full = np.mean(torque >= 0.99 * limit, axis=0) if len(torque) else torque
@@ -254,16 +230,6 @@ def _cut(recording: Recording, name: str, start: float, end: float) -> Floats:
     return recording.channel(name).values[_inside(recording.times(name), start, end)]
 
 
-def _limit(recording: Recording, name: str, width: int) -> Floats | None:
-    value: ArrayLike | None = recording.meta.get("limits", {}).get(name)
-    if value is None:
-        return None
-    limit = np.asarray(value, float)
-    if limit.shape not in ((), (1,), (width,)):
-        raise LogError(f"limits.{name} has {limit.size} numbers for {width} columns")
-    return np.broadcast_to(limit, (width,))
-
-
 def _held_integral(time: Floats, holds: NDArray[np.bool_]) -> float:
     """Returns for how many seconds `holds`, each sample standing for the step after it."""
     step = np.diff(time, append=time[-1] + (time[-1] - time[-2] if time.size > 1 else 0.0))
@@ -279,12 +245,10 @@ def _worst(values: Floats, pick: Callable[[Floats], Any]) -> float | None:
 
 
 def _all_finite(recording: Recording) -> bool:
-    may_be_undefined = {"wrench_margin", "force_margin", "torque_margin", "sigma_min"}
-    may_be_undefined |= {"disturbance_point", "obstacle_distance", "contact_point"}
     return all(
         bool(np.all(np.isfinite(c.values)))
         for name, c in recording.channels.items()
-        if name not in may_be_undefined
+        if name not in MAY_BE_UNDEFINED
     )
 
 

@@ -21,9 +21,10 @@ from snakegen.verify.plant import Imperfections, draw
 from snakegen.verify.record import record
 from snakegen.verify.recording import Recording
 from snakegen.verify.trim import trimmed
-from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
+from snakegen.verify.verdict import FLIGHT_THRESHOLDS
 from snakegen.verify.vibration import OFF, Damping, check_redundancy, hinges
 from snakegen.verify.world import World, make_world
+from snakegen.verify.worst_place import judged_verdict
 
 
 def run(
@@ -212,6 +213,5 @@ def judge(recording: Recording, plan: Plan) -> Recording:
     found = metrics(recording)
     found["completed"] = not recording.meta["stopped"]
     bounds = {"completed": {"equals": True}} | FLIGHT_THRESHOLDS | plan.thresholds
-    wanted = {k: v for k, v in bounds.items() if v is not None}
-    judged = recording.judged(found, verdict(found, wanted))
+    judged = recording.judged(found, judged_verdict(recording, found, bounds))
     return replace(judged, report=flight_report(judged))

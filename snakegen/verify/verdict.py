@@ -33,20 +33,42 @@ FLIGHT_THRESHOLDS: dict[str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True)
+class Place:
+    """Where and when a check is at its worst: the part, and times in s."""
+
+    part: str
+    time_s: float
+    from_s: float
+    to_s: float
+
+    def text(self) -> str:
+        """Returns the place in words."""
+        at = f"{self.part}, " if self.part else ""
+        if self.to_s > self.from_s:
+            return f"{at}{self.from_s:.2f} … {self.to_s:.2f} s"
+        return f"{at}{self.time_s:.2f} s"
+
+
+@dataclass(frozen=True)
 class Check:
-    """One check: `metric` against `bound`; None, not measured or never reached, does not pass."""
+    """One check: `metric` against `bound`; None, not measured or never reached, does not pass.
+
+    `worst` is where and when the run is at its worst, where a signal of the run shows it.
+    """
 
     metric: str
     value: Any
     kind: str
     bound: Any
     passed: bool
+    worst: Place | None = None
 
     def line(self) -> str:
         """Returns the check as one line of text."""
         mark = "ok  " if self.passed else "FAIL"
         value = "no value" if self.value is None else _shown(self.value)
-        return f"{mark} {self.metric} = {value} ({_SIGN[self.kind]} {_shown(self.bound)})"
+        text = f"{mark} {self.metric} = {value} ({_SIGN[self.kind]} {_shown(self.bound)})"
+        return text if self.worst is None else f"{text} at {self.worst.text()}"
 
 
 @dataclass(frozen=True)
@@ -73,13 +95,21 @@ class Verdict:
         return out
 
     def to_json(self) -> dict[str, Any]:
-        """Returns plain JSON: ``{"passed": bool, "checks": [{metric, value, kind, …}]}``."""
+        """Returns plain JSON: ``{"passed": bool, "checks": [{metric, value, …, worst}]}``.
+
+        ``worst`` is ``{part, time_s, from_s, to_s}`` or None.
+        """
         return {"passed": self.passed, "checks": [asdict(c) for c in self.checks]}
 
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> Verdict:
         """Returns the verdict that `to_json` wrote."""
-        return Verdict(tuple(Check(**c) for c in data["checks"]))
+
+        def check(c: Mapping[str, Any]) -> Check:
+            place = c.get("worst")  # logs of older versions have none
+            return Check(**{**c, "worst": None if place is None else Place(**place)})
+
+        return Verdict(tuple(check(c) for c in data["checks"]))
 
     def summary(self) -> str:
         """Returns one line: passed, or which checks failed."""

@@ -17,7 +17,8 @@ from snakegen.verify.plan import Plan, holding, through, ticks
 from snakegen.verify.plant import Imperfections
 from snakegen.verify.postures import driven_joints
 from snakegen.verify.recording import Recording
-from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
+from snakegen.verify.verdict import FLIGHT_THRESHOLDS
+from snakegen.verify.worst_place import judged_verdict
 
 OPTIONS: dict[str, list[Any]] = {
     k: v for k, v in COMMON.items() if k not in ("plant", "duration")
@@ -68,9 +69,9 @@ def fly(
     flown = ready.flown(ready.world(), imperfections, rng, seed, progress, margins=False)
     both = join(driven, flown)
     found = measure(both) | {"completed": not flown.meta["stopped"] and not driven.meta["stopped"]}
-    bounds = {k: v for k, v in (FLIGHT_THRESHOLDS | DRIVE_THRESHOLDS).items() if v is not None}
     # banking for a step aside is flight, not rolling over
-    return both.judged(found, verdict(found, bounds | {"tilt_max_rad": {"at_most": 0.4}}))
+    bounds = FLIGHT_THRESHOLDS | DRIVE_THRESHOLDS | {"tilt_max_rad": {"at_most": 0.4}}
+    return both.judged(found, judged_verdict(both, found, bounds))
 
 
 def _climb(robot: Robot, q: Floats, o: dict[str, Any], control: dict[str, Any]) -> Plan:

@@ -82,7 +82,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
 
     A run that ended before the gust did has not come back: None.
     """
-    from snakegen.verify.metrics import position_error
+    from snakegen.verify.signals import position_error
 
     end = float(recording.meta["facts"]["gust_end_s"])
     time, error = recording.times("position"), np.linalg.norm(position_error(recording), axis=1)

@@ -147,7 +147,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
     the give of its servo, τ/k. Where it never was,
     `ratio` is the end of the ramp over the prediction, and `tracking_lost` is false.
     """
-    from snakegen.verify.metrics import attitude_error, position_error
+    from snakegen.verify.signals import attitude_error, position_error
 
     facts = recording.meta["facts"]
     found = facts["forecast"]
