@@ -11,7 +11,7 @@ from snakegen import yaml_file
 from snakegen.errors import PostureError
 from snakegen.geometry import Floats
 from snakegen.kernels.chain import centre_of_gravity, forward
-from snakegen.kernels.vectoring import mounts, point_thrust
+from snakegen.kernels.vectoring import mounts, point_thrust, thrust_line
 from snakegen.robot import Robot
 
 
@@ -49,27 +49,47 @@ def hover_gimbals(robot: Robot, q: Floats, up: Floats | None = None) -> Floats:
         q: (nq,) configuration; its gimbal angles are where the search starts.
         up: (3,) unit, world; the vertical if absent.
     """
+    vertical = np.array([0.0, 0.0, 1.0]) if up is None else np.asarray(up, float)
+    return aim_gimbals(robot, q, np.tile(vertical, (robot.gimbals.link_body.size, 1)))[0]
+
+
+def aim_gimbals(robot: Robot, q: Floats, directions: Floats) -> tuple[Floats, Floats]:
+    """Returns q with each apparatus' thrust turned to its direction, and the angles that remain.
+
+    Args:
+        robot: the robot.
+        q: (nq,) configuration; its gimbal angles are where the search starts.
+        directions: (Ñ, 3) unit, world.
+
+    Returns:
+        q (nq,), and (Ñ,) rad between thrust and direction: 0 where gimbals and limits allow it;
+        of an apparatus without gimbals, the angle of its fixed axis.
+    """
     gimbals, rotors, tree = robot.gimbals, robot.rotors, robot.tree
     count = gimbals.link_body.size
+    out, remaining = np.array(q), np.zeros(count)
     if count == 0:
-        return np.array(q)
+        return out, remaining
     base, origin = robot.base_pose(q)
     angles = robot.angles(q)
     rotation, position = forward(tree, base, origin, angles)
     _, cog = centre_of_gravity(tree, rotation, position)
     frames, _ = mounts(tree, rotors, gimbals, rotation, position, cog, base)
-    wanted = base.T @ (np.array([0.0, 0.0, 1.0]) if up is None else np.asarray(up, float))
+    wanted = np.ascontiguousarray(directions @ base)
     low, high, _ = robot.limits(robot.joint_names)
-    out = np.array(q)
+    axis, point = np.empty(3), np.empty(3)
     for j in range(count):
         bodies = sorted(b for b in (gimbals.roll_body[j], gimbals.pitch_body[j]) if b >= 0)
         last, lower, upper, found = np.zeros(2), np.full(2, -np.pi), np.full(2, np.pi), np.zeros(2)
-        for k, body in enumerate(bodies):
+        turned = list(enumerate(bodies, 2 - len(bodies)))  # a single axis is the second of two
+        for k, body in turned:
             last[k], lower[k], upper[k] = angles[body - 1], low[body - 1], high[body - 1]
-        point_thrust(frames, j, wanted, last, lower, upper, found)
-        for k, body in enumerate(bodies):
+        point_thrust(frames, j, wanted[j], last, lower, upper, found)
+        for k, body in turned:
             set_angle(robot, out, robot.joint_names[body - 1], found[k])
-    return out
+        thrust_line(frames, j, found, axis, point)
+        remaining[j] = 2.0 * np.arcsin(min(0.5 * float(np.linalg.norm(axis - wanted[j])), 1.0))
+    return out, remaining
 
 
 def set_angle(robot: Robot, q: Floats, name: str, angle: float) -> None:

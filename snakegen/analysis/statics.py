@@ -42,7 +42,7 @@ OPTIONS = {
     "tip": [None, "link that carries the tip; the last one if absent"],
     "tip_point": [None, "x,y,z of the tip on that link, m"],
     "direction": ["0,0,-1", "direction in which the payload pulls"],
-    "worst": [False, "search the hardest posture inside the joint limits"],
+    "worst": [False, "search the posture, at rest, that loads a servo hardest"],
 }
 
 
@@ -67,9 +67,10 @@ class StaticsResult:
         twist_rank: see above.
         tip: link and place of the tip (m from the base origin, world axes).
         tip_load: what the tip can bear, for robots with a chain joint.
-        worst: the hardest posture by joint name, its largest use, a proved bound of the use in any
-            posture (base held), and the joint, if asked.
+        worst: the hardest posture at rest by joint name, gimbals included, its support, its largest
+            use, a proved bound of the use in any posture (base held), and the joint, if asked.
         flies: whether the robot floats and has rotors.
+        gimbals: names of the joints that turn an apparatus.
     """
 
     joints: tuple[str, ...]
@@ -89,6 +90,7 @@ class StaticsResult:
     tip_load: TipLoad | None
     worst: dict[str, Any] | None
     flies: bool
+    gimbals: frozenset[str]
 
     @property
     def overloaded(self) -> tuple[str, ...]:
@@ -106,15 +108,22 @@ class StaticsResult:
         if self.tip_load is not None:
             out += self._tip_rows(self.tip_load)
         if self.worst is not None:
-            bent = {k: x for k, x in self.worst["posture"].items() if abs(x) >= 0.005}
-            angles = ", ".join(f"{k} {x:+.2f}" for k, x in bent.items()) or "all joints at 0"
             use = f"{100 * self.worst['use']:.3g} % of {self.worst['joint']}"
-            held = " (base held)" if self.worst["support"] != self.support else ""
-            out.append(("worst posture", f"{use} at {angles}{held}"))
+            out.append(("worst posture", f"{use} at {self._worst_angles()}"))
             if self.worst["use_bound"] is not None:
                 most = f"no posture takes more than {100 * self.worst['use_bound']:.4g} %"
                 out.append(("", f"{most} of any joint (proved)"))
         return out + self._joint_rows()
+
+    def _worst_angles(self) -> str:
+        """Returns the chain's angles of the worst posture; gimbals follow from them in hover."""
+        assert self.worst is not None
+        posture = {k: x for k, x in self.worst["posture"].items() if k not in self.gimbals}
+        bent = {k: x for k, x in posture.items() if abs(x) >= 0.00005}
+        angles = ", ".join(f"{k} {x:+.4f}" for k, x in bent.items()) or "all joints at 0"
+        return angles + (
+            ", gimbals pointed up" if self.gimbals and self.worst["support"] != "base" else ""
+        )
 
     def _joint_rows(self) -> list[tuple[str, str]]:
         """Returns a row a joint, hardest first."""
@@ -257,8 +266,9 @@ def analyze(
         int(np.sum(sigma > 1e-9 * sigma[0])),
         (end.link, tip_pose(robot, q, end).position),
         load,
-        worst_posture(robot, q, hold=hold, seed=seed, **given) if worst else None,
+        worst_posture(robot, q, hold=hold, thrust=thrust, seed=seed, **given) if worst else None,
         robot.floating and bool(robot.modules.apparatuses),
+        robot.gimbal_names,
     )
 
 

@@ -12,11 +12,13 @@ from snakegen.kernels.bounded import box_allocation
 from snakegen.kernels.chain import centre_of_gravity, forward
 from snakegen.kernels.wrench_map import force_map, mean_drag
 from snakegen.kinetostatics.law import DOWN, Wrenches, finite, joint_torques, rotor_wrenches
+from snakegen.posture import aim_gimbals
 from snakegen.robot import Robot
 
 Hold = Literal["auto", "base", "hover"]
 Kind = Literal["base", "hover", "dual", "thrust"]
 _MET = 1e-6  # of the load: a hover that meets it to this holds it
+_AIMED = 1e-6  # rad, between a force and where the gimbals can turn the thrust
 
 
 @dataclass(frozen=True)
@@ -45,11 +47,11 @@ def support(
 ) -> Support:
     """Returns what carries the weight and the external wrenches of a robot at rest.
 
-    In hover each apparatus force is free in direction: the least-norm set ``F = Q_force^# w``
-    (ZN23 eq 36) that balances everything, pushing at the thrust points, each with the mean drag of
-    its rotors along it: none for a counter-rotating pair. Take q from a hover posture, or the
-    gimbals bear the difference.
-    Where that cannot be, or nothing turns the rotors, each rotor answers on its own: the least
+    In hover each apparatus force takes its own direction: the least-norm set ``F = Q_force^# w``
+    (ZN23 eq 36) that balances everything, at the thrust points of q, each with the mean drag of
+    its rotors along it: zero for a counter-rotating pair. Every force must lie within the thrust
+    limits and point where the gimbals can turn it.
+    Where that is not so, or nothing turns the rotors, each rotor pushes on its own: the least
     thrusts within their limits, gimbals as in q (dual-rotor mode).
 
     Args:
@@ -57,7 +59,7 @@ def support(
         q: (nq,) posture.
         load: (6,) wrench that must be balanced, about the root's origin, world axes: weight and
             external wrenches, as they act on the robot.
-        hold: ``auto`` hovers if the robot floats and its apparatuses can hold the load at all.
+        hold: ``auto`` hovers if the robot floats and its rotors can hold the load.
         thrust: (n_rotors,) N, taken instead.
 
     Raises:
@@ -82,12 +84,12 @@ def support(
         return Support("base", np.zeros((bodies, 6)), np.zeros((0, 3)))
     raise AnalysisError(
         f"{robot.name}: neither its apparatus forces nor its rotors, gimbals as given, can hold "
-        "this load in this posture; hold the base instead."
+        "this load in this posture within their limits; hold the base instead."
     )
 
 
 def _vectored(robot: Robot, q: Floats, load: Floats) -> Support | None:
-    """Returns the least-norm apparatus forces that balance `load` (6,), None where none do."""
+    """Returns the least-norm apparatus forces that balance `load` (6,), None out of limits."""
     count, bodies = len(robot.modules.apparatuses), len(robot.tree.parent)
     base, _ = robot.base_pose(q)
     rotation, position = forward(robot.tree, base, np.zeros(3), robot.angles(q))
@@ -105,9 +107,24 @@ def _vectored(robot: Robot, q: Floats, load: Floats) -> Support | None:
         return None
     out = np.zeros((bodies, 6))
     f = finite(forces, (3 * count,), "hover forces").reshape(count, 3)
+    if not _within_limits(robot, q, f):
+        return None
     for b, x, force, c in zip(carriers, levers, f, drag, strict=True):
         out[b] += move_wrench(np.concatenate([force, c * force]), x)
     return Support("hover", out, f)
+
+
+def _within_limits(robot: Robot, q: Floats, forces: Floats) -> bool:
+    """Returns whether thrust limits and gimbals allow apparatus forces (Ñ, 3) [N], world axes."""
+    sizes, rotors = np.linalg.norm(forces, axis=1), robot.rotors
+    least = np.bincount(rotors.apparatus, rotors.thrust_min, minlength=len(sizes))
+    room = 1e-9 * robot.gimbals.limit
+    if np.any(sizes > robot.gimbals.limit + room) or np.any(sizes < least - room):
+        return False
+    pushing = sizes > room
+    directions = np.tile([0.0, 0.0, 1.0], (len(sizes), 1))
+    directions[pushing] = forces[pushing] / sizes[pushing, None]
+    return bool(np.all(aim_gimbals(robot, q, directions)[1][pushing] < _AIMED))
 
 
 def _dual(robot: Robot, q: Floats, load: Floats) -> Support | None:

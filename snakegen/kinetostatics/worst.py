@@ -3,7 +3,7 @@
 What the search finds is a lower bound; `worst_bound` closes the bracket from above.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from snakegen.kernels.inverse_dynamics import torques_batch
 from snakegen.kinetostatics.law import DOWN, Wrenches, armature, finite, link_loads, torque_terms
 from snakegen.kinetostatics.support import Hold, hold_up
 from snakegen.kinetostatics.worst_bound import use_bound
+from snakegen.posture import angles_by_name, hover_gimbals, set_angle
 from snakegen.robot import Robot
 
 
@@ -120,17 +121,21 @@ def worst_posture(
     wrenches: Wrenches = None,
     gravity: ArrayLike = DOWN,
     hold: Hold = "auto",
+    thrust: ArrayLike | None = None,
     samples: int = 1024,
     starts: int = 12,
     seed: int = 0,
+    tolerance: float | None = None,
 ) -> dict[str, Any]:
     """Returns the posture inside the joint limits in which a servo is used hardest, at rest.
 
-    Chain joints move, the others stay as in q; `wrenches` keep their directions in the world. In
-    hover, postures that apparatus forces within their limits cannot hold are left out; in
-    dual-rotor hover, whose gimbals suit q alone, the base is held. `use` is found by multi-start
-    search, `agreeing` of `starts` searches ended at it; with the base held
-    `use_bound` is what no posture exceeds (`worst_bound`), else null.
+    Chain joints move, the others stay as in q; `wrenches` keep their directions in the world.
+    Whether the base is held or the robot hovers is decided in q. In hover the gimbals of every
+    posture point the thrust up (`hover_gimbals`, from gimbal angles of 0), `support` balances the
+    load as it does for a single posture, and postures in which it cannot are left out. `use` is
+    found by multi-start search, `agreeing` of `starts` searches ended at it; with the base held
+    `use_bound` is what no posture exceeds (`worst_bound`), else null. `posture` has the gimbals'
+    angles too: `analyze` gives the same use there.
 
     Raises:
         AnalysisError: limits that are not finite, servo limits of 0, no posture that can hover.
@@ -141,11 +146,11 @@ def worst_posture(
     if np.any(limit <= 0):
         raise AnalysisError(f"{robot.name}: a chain joint has an effort limit of 0.")
     given: dict[str, Any] = {"wrenches": wrenches, "gravity": gravity}
-    kind = hold_up(robot, q, hold=hold, **given).kind
-    if kind == "dual":  # the gimbals of q suit q alone
-        kind = "base"
-    measure = _held_torques if kind == "base" else _hover_torques
-    torques = measure(robot, q, names, **given)
+    kind = hold_up(robot, q, hold=hold, thrust=thrust, **given).kind
+    if kind == "base":
+        torques = _held_torques(robot, q, names, **given)
+    else:
+        torques = _hover_torques(robot, q, names, thrust=thrust, **given)
     found = search(
         lambda x: np.nan_to_num(np.max(np.abs(torques(x)) / limit, axis=1), nan=-np.inf),
         lower,
@@ -153,13 +158,20 @@ def worst_posture(
         samples=samples if kind == "base" else min(samples, 256),
         starts=starts if kind == "base" else min(starts, 4),
         seed=seed,
+        tolerance=tolerance or (1e-5 if kind == "base" else 1e-3),  # hover costs 1 ms a posture
     )
     if not np.isfinite(found.value):
         raise AnalysisError(f"{robot.name}: no posture was found in which it can hover.")
     use = np.abs(torques(found.angles[None])[0]) / limit
     bound = use_bound(robot, q, **given) if kind == "base" else None
+    posture = dict(zip(names, found.angles.tolist(), strict=True))
+    if kind != "base":
+        there = _hover_configuration(robot, q, posture)
+        kind = hold_up(robot, there, hold=hold, thrust=thrust, **given).kind
+        named = angles_by_name(robot, there)
+        posture |= {n: named[n] for n in robot.joint_names if n in robot.gimbal_names}
     return {
-        "posture": dict(zip(names, found.angles.tolist(), strict=True)),
+        "posture": posture,
         "support": kind,
         "use": found.value,
         "use_bound": bound,
@@ -196,28 +208,34 @@ def _held_torques(
     return torques
 
 
+def _hover_configuration(robot: Robot, q: Floats, angles: Mapping[str, float]) -> Floats:
+    """Returns q at the chain's `angles`, every thrust pointed up from gimbal angles of 0."""
+    there = q.copy()
+    for name in robot.gimbal_names:
+        low, high, _ = robot.limits([name])
+        set_angle(robot, there, name, float(np.clip(0.0, low[0], high[0])))
+    for name, angle in angles.items():
+        set_angle(robot, there, name, angle)
+    return hover_gimbals(robot, there)
+
+
 def _hover_torques(
     robot: Robot,
     q: Floats,
     names: Sequence[str],
     wrenches: Wrenches,
     gravity: ArrayLike,
+    thrust: ArrayLike | None = None,
 ) -> Torques:
-    """Returns the same in hover; NaN where apparatus forces within their limits cannot hold."""
+    """Returns the same in hover, or under `thrust`; NaN where no hover within the limits holds."""
     index = np.array([robot.body_of_joint(n) - 1 for n in names], int)
-    places = [robot.model.joints[robot.model.getJointId(n)] for n in names]
     given: dict[str, Any] = {"wrenches": wrenches, "gravity": gravity}
 
     def one(angles: Floats) -> Floats:
-        there = q.copy()
-        for place, angle in zip(places, angles, strict=True):
-            turned = (np.cos(angle), np.sin(angle)) if place.nq == 2 else angle
-            there[place.idx_q : place.idx_q + place.nq] = turned
+        there = _hover_configuration(robot, q, dict(zip(names, angles, strict=True)))
         try:
-            held = hold_up(robot, there, hold="hover", **given)
+            held = hold_up(robot, there, hold="hover", thrust=thrust, **given)
         except AnalysisError:
-            return np.full(len(index), np.nan)
-        if np.any(np.linalg.norm(held.forces, axis=1) > robot.gimbals.limit):
             return np.full(len(index), np.nan)
         rows = torque_terms(robot, there, body_wrenches=held.wrenches, **given)
         return np.asarray((rows[GRAVITY] + rows[EXTERNAL])[6 + index])
