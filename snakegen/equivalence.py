@@ -1,7 +1,8 @@
-"""The gate of every build: MuJoCo and Pinocchio must agree on the model, state by state.
+"""Equivalence check of every build: MJCF and URDF must describe the same robot.
 
-Compared over random states: mass, centre of mass, body frames, mass matrix, bias forces. Error is
-``|a - b| / max(|a|, |b|, largest entry of that quantity)``.
+Compared over random states of MuJoCo and Pinocchio: mass, centre of mass, body frames, mass matrix,
+bias forces; then actuators, joints, sites and contact geometry against what the URDF and its
+modules declare. Error is ``|a - b| / max(|a|, |b|, largest entry of that quantity)``.
 """
 
 from dataclasses import asdict, dataclass
@@ -11,6 +12,10 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from snakegen.equivalence_actuators import Actuation, constants, missing
+from snakegen.equivalence_contacts import contacts
+from snakegen.equivalence_pairs import Difference, worst_differences
+from snakegen.equivalence_responses import Bodies, responses
 from snakegen.geometry import Floats, skew, wxyz_from_xyzw
 from snakegen.robot import GRAVITY, Robot
 
@@ -20,7 +25,15 @@ _PINOCCHIO_UP_TO = 200  # degrees of freedom: beyond, pin.Data's memory (nv³) i
 
 @dataclass(frozen=True)
 class Equivalence:
-    """Worst relative errors over `states` random states; `oracle` is what MuJoCo met."""
+    """Worst relative errors over `states` random states.
+
+    Attributes:
+        states: how many.
+        oracle: what MuJoCo was compared with.
+        mass, centre_of_mass, frames, mass_matrix, bias: of the rigid bodies.
+        actuators: of actuators, joints, sites and contact geometry.
+        differences: those of `actuators` above the bound, the largest first.
+    """
 
     states: int
     oracle: str
@@ -29,11 +42,13 @@ class Equivalence:
     frames: float
     mass_matrix: float
     bias: float
+    actuators: float = 0.0
+    differences: tuple[Difference, ...] = ()
 
     @property
     def worst(self) -> float:
-        """The largest of the five errors."""
-        return max(self.mass, self.centre_of_mass, self.frames, self.mass_matrix, self.bias)
+        """The largest of the six errors."""
+        return max(getattr(self, name) for name in _ERRORS)
 
     @property
     def passed(self) -> bool:
@@ -44,8 +59,29 @@ class Equivalence:
         """Returns plain data for a program."""
         return asdict(self) | {"worst": self.worst, "passed": self.passed}
 
+    def __str__(self) -> str:
+        """Names what differs and by how much, at most four differences of actuators."""
+        found = [
+            f"{name.replace('_', ' ')} by {getattr(self, name):.2e}"
+            for name in _ERRORS[:-1]
+            if getattr(self, name) > BOUND
+        ]
+        found += [f"{d} (error {d.error:.2e})" for d in self.differences[:4]]
+        more = len(self.differences) - 4
+        return "; ".join([*found, f"and {more} more"] if more > 0 else found)
 
-def compare(robot: Robot, model: mujoco.MjModel, *, states: int = 5, seed: int = 0) -> Equivalence:
+
+_ERRORS = ("mass", "centre_of_mass", "frames", "mass_matrix", "bias", "actuators")
+
+
+def compare(
+    robot: Robot,
+    model: mujoco.MjModel,
+    *,
+    states: int = 5,
+    seed: int = 0,
+    rollers: str | None = None,
+) -> Equivalence:
     """Runs random states through both descriptions of `robot`.
 
     Args:
@@ -53,19 +89,36 @@ def compare(robot: Robot, model: mujoco.MjModel, *, states: int = 5, seed: int =
         model: the compiled MJCF, without scenery.
         states: how many random states.
         seed: of the states.
+        rollers: how the drums of `model` touch the ground, in place of the modules' own.
     """
-    rng = np.random.default_rng(seed)
-    mapping = _StateMap(robot, model)
-    data = mujoco.MjData(model)
+    at = Actuation(robot, model)
     oracle = _Pinocchio(robot) if robot.model.nv <= _PINOCCHIO_UP_TO else _Own(robot)
-    worst = np.zeros(5)
+    if surplus := missing(at):
+        found = _above(worst_differences([surplus]))
+        return Equivalence(0, oracle.name, 0.0, 0.0, 0.0, 0.0, 0.0, np.inf, found)
+    rng = np.random.default_rng(seed)
+    mapping = _StateMap(robot, model, at.joints)
+    data = mujoco.MjData(model)
+    bodily = len(at.joints) == len(robot.joint_names)
+    worst, together = np.zeros(5), [*constants(at), *contacts(at, rollers)]
     for _ in range(states):
         q, v = mapping.random(rng)
+        mapping.set_state(data, q, v)
         ours = oracle.evaluate(q, v)
-        theirs = mapping.evaluate(data, q, v)
-        errors = [_error(a, b) for a, b in zip(ours, theirs, strict=True)]
-        worst = np.maximum(worst, errors)
-    return Equivalence(states, oracle.name, *(float(w) for w in worst))
+        if bodily:
+            errors = [_error(a, b) for a, b in zip(ours, mapping.evaluate(data, q, v), strict=True)]
+            worst = np.maximum(worst, errors)
+        together += responses(at, data, oracle.bodies(ours[1]), v)
+    differences = worst_differences(together)
+    actuators = max((d.error for d in differences), default=0.0)
+    mass, centre, frames, mass_matrix, bias = (float(w) for w in worst)
+    figures = (mass, centre, frames, mass_matrix, bias, actuators)
+    return Equivalence(states, oracle.name, *figures, _above(differences))
+
+
+def _above(differences: tuple[Difference, ...]) -> tuple[Difference, ...]:
+    """Returns those above the bound, the largest first, constants before responses."""
+    return tuple(sorted((d for d in differences if d.error > BOUND), key=lambda d: -d.error))
 
 
 Quantities = tuple[Floats, Floats, Floats, Floats, Floats]
@@ -89,16 +142,15 @@ class _StateMap:
     ``v_mj = T v_pin``: base linear velocity turns from base axes to the world's, joints permute.
     """
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
+    def __init__(self, robot: Robot, model: mujoco.MjModel, names: tuple[str, ...]) -> None:
         self.robot, self.model = robot, model
-        names = robot.joint_names
         ids = [model.joint(n).id for n in names]
         self.qadr = model.jnt_qposadr[ids]
         self.dof = np.array(model.jnt_dofadr[ids], int)
         pins = [robot.model.joints[robot.model.getJointId(n)] for n in names]
         self.pin_q = np.array([j.idx_q for j in pins], int)
         self.pin_v = np.array([j.idx_v for j in pins], int)
-        self.links = [model.body(n).id for n in _link_names(robot)]
+        self.angles = [robot.joint_names.index(n) for n in names]
 
     def random(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """Returns a random configuration and velocity in Pinocchio's order."""
@@ -116,17 +168,21 @@ class _StateMap:
             q[joint.idx_q : joint.idx_q + joint.nq] = turn if joint.nq == 2 else angle
         return q, rng.normal(size=model.nv)
 
-    def evaluate(self, data: mujoco.MjData, q: Floats, v: Floats) -> Quantities:
-        """Returns mass, CoM, frames, mass matrix and bias as MuJoCo has them, in v_pin's terms."""
-        model, floating = self.model, self.robot.floating
-        base = np.eye(3)
-        if floating:
+    def set_state(self, data: mujoco.MjData, q: Floats, v: Floats) -> None:
+        """Brings `data` to q and v, its forces computed."""
+        if self.robot.floating:
             base, _ = self.robot.base_pose(q)
             data.qpos[:3], data.qpos[3:7] = q[:3], wxyz_from_xyzw(q[3:7])
             data.qvel[:3], data.qvel[3:6] = base @ v[:3], v[3:6]
-        data.qpos[self.qadr] = self.robot.angles(q)
+        data.qpos[self.qadr] = self.robot.angles(q)[self.angles]
         data.qvel[self.dof] = v[self.pin_v]
-        mujoco.mj_forward(model, data)
+        mujoco.mj_forward(self.model, data)
+
+    def evaluate(self, data: mujoco.MjData, q: Floats, v: Floats) -> Quantities:
+        """Returns mass, CoM, frames, mass matrix and bias as MuJoCo has them, in v_pin's terms."""
+        model, floating = self.model, self.robot.floating
+        base, _ = self.robot.base_pose(q)
+        links = [model.body(n).id for n in _link_names(self.robot)]
         full = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)
         order = np.arange(model.nv)
@@ -141,7 +197,7 @@ class _StateMap:
         moving = _moving_bodies(model)
         mass = model.body_mass[moving]
         centre = _centre(float(mass.sum()), mass @ data.xipos[moving])
-        frames = np.hstack([data.xpos[self.links], data.xmat[self.links]])
+        frames = np.hstack([data.xpos[links], data.xmat[links]])
         return np.array([mass.sum()]), centre, frames, mass_matrix, bias
 
 
@@ -160,6 +216,7 @@ class _Pinocchio:
 
     def __init__(self, robot: Robot) -> None:
         self.model, self.data = robot.model, robot.model.createData()
+        self.count = robot.tree.parent.size
         self.frames = [robot.model.getFrameId(n, pin.FrameType.BODY) for n in _link_names(robot)]
 
     def evaluate(self, q: Floats, v: Floats) -> Quantities:
@@ -173,6 +230,13 @@ class _Pinocchio:
         poses = [data.oMf[f] for f in self.frames]
         frames = np.array([[*p.translation, *p.rotation.ravel()] for p in poses])
         return np.array([mass]), centre, frames, mass_matrix, bias
+
+    def bodies(self, cog: Floats) -> Bodies:
+        """Returns the poses of the moving bodies in the state evaluated last."""
+        first = len(self.data.oMi) - self.count
+        poses = [self.data.oMi[k] for k in range(first, len(self.data.oMi))]
+        rotation = np.array([p.rotation for p in poses])
+        return Bodies(rotation, np.array([p.translation for p in poses]), cog)
 
 
 class _Own:
@@ -190,6 +254,7 @@ class _Own:
         robot, tree = self.robot, self.robot.tree
         base, origin = robot.base_pose(q)
         rotation, position = forward(tree, base, origin, robot.angles(q))
+        self.poses = rotation, position
         mass, centre, _ = mass_properties(tree, rotation, position)
         frames = np.array(
             [
@@ -198,6 +263,10 @@ class _Own:
             ]
         )
         return np.array([mass]), centre, frames, *self._dynamics(base, robot.angles(q), v)
+
+    def bodies(self, cog: Floats) -> Bodies:
+        """Returns the poses of the moving bodies in the state evaluated last."""
+        return Bodies(*self.poses, cog)
 
     def _dynamics(self, base: Floats, angles: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Returns mass matrix (nv, nv) and bias (nv,): torques of unit accelerations, and of none.

@@ -134,7 +134,7 @@ def _write_mjcf(folder: Path, name: str, text: str, made: dict[str, Path]) -> An
 
     from snakegen.description.mjcf import decorate, scene
     from snakegen.description.mjcf_files import load_model, write
-    from snakegen.equivalence import BOUND, compare
+    from snakegen.equivalence import compare
     from snakegen.robot import from_urdf_text
 
     robot = from_urdf_text(text, None, checked=True)
@@ -148,15 +148,21 @@ def _write_mjcf(folder: Path, name: str, text: str, made: dict[str, Path]) -> An
         load_model(folder / "scene.xml")
     except (ValueError, mujoco.FatalError) as error:
         raise DescriptionError(f"{path.name}: MuJoCo cannot load it ({error}).") from None
-    result = compare(robot, model)
+    result = compare(robot, model, rollers=_bodily(robot.modules))
+    _refuse_differences(name, result)
+    if _bodily(robot.modules) is not None:  # bodies are compared on the wheels; balls are kept
+        write(decorate(text, robot.modules, assets), path)
+        _refuse_differences(name, compare(robot, load_model(path)))
+    return result
+
+
+def _refuse_differences(name: str, result: Any) -> None:
+    from snakegen.equivalence import BOUND
+
     if not result.passed:
         raise GateError(
-            f"{name}: URDF and MJCF disagree by {result.worst:.2e}, more than {BOUND:g} "
-            f"({result.to_json()})."
+            f"{name}: URDF and MJCF disagree by {result.worst:.2e}, more than {BOUND:g}: {result}."
         )
-    if _bodily(robot.modules) is not None:  # proven on the wheels; what is kept has the balls
-        write(decorate(text, robot.modules, assets), path)
-    return result
 
 
 def _bodily(modules: Any) -> str | None:

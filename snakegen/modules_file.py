@@ -201,9 +201,15 @@ def _known(data: Any, names: Any, place: str) -> Any:
 def with_servos(modules: Modules, urdf: str) -> Modules:
     """Returns `modules` with a default servo on each gimbal and each limited joint that has none.
 
-    A URDF does not say what drives a joint; one with limits is no bearing.
+    A URDF does not say what drives a joint; one with limits is no bearing. A servo whose friction
+    is not given has that of its joint's <dynamics>.
     """
     served = {s.joint for s in modules.servos}
+    friction = {
+        str(e.get("name")): float(d.get("friction", 0.0))
+        for e in ET.fromstring(urdf).iterfind("joint")
+        if (d := e.find("dynamics")) is not None
+    }
     gimbals = {n for a in modules.apparatuses for n in (a.roll, a.pitch)}
     driven = [
         str(e.get("name"))
@@ -213,4 +219,8 @@ def with_servos(modules: Modules, urdf: str) -> Modules:
     ]
     missing = [name for name in driven if name not in served]
     added = tuple(Servo(n, armature=_ARMATURE) for n in missing)
-    return replace(modules, servos=modules.servos + added)
+    servos = (
+        replace(s, friction=s.friction or friction.get(s.joint, 0.0))
+        for s in (*modules.servos, *added)
+    )
+    return replace(modules, servos=tuple(servos))
