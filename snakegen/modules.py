@@ -6,9 +6,10 @@ URDF cannot say where thrust acts or how strong a servo is. A URDF from snakegen
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
+from math import hypot
 from typing import Any, cast
 
-from snakegen.errors import DescriptionError
+from snakegen.modules_element import find_element
 
 
 @dataclass(frozen=True)
@@ -97,19 +98,19 @@ class Modules:
 
 
 def from_urdf(text: str) -> Modules | None:
-    """Returns the modules of a URDF's <snakegen> element, or None where it has none."""
-    element = ET.fromstring(text).find("snakegen")
+    """Returns the modules of a URDF's <snakegen> element, or None where it has none.
+
+    Raises:
+        DescriptionError: a mistake in the element, with its line.
+    """
+    element = find_element(text)
     if element is None:
         return None
-    if element.get("version") != "1":
-        raise DescriptionError(
-            f"<snakegen version='{element.get('version')}'> is not known; this reads version 1."
-        )
     control = element.find("control")
     plant, uncertainty = element.find("plant"), element.find("plant/uncertainty")
     return Modules(
         floating=element.get("base") == "floating",
-        lengths={_text(e, "name"): _real(e, "length") for e in element.findall("link")},
+        lengths={e.attrib["name"]: _real(e, "length") for e in element.findall("link")},
         apparatuses=tuple(_apparatus(e) for e in element.findall("vectoring_apparatus")),
         servos=tuple(_fill(Servo, e) for e in element.findall("servo")),
         screws=tuple(_screw(e) for e in element.findall("screw_drive")),
@@ -117,7 +118,7 @@ def from_urdf(text: str) -> Modules | None:
         control={} if control is None else _attributes(control),
         gain_sets={}
         if control is None
-        else {_text(e, "name"): _gains(e) for e in control.findall("gains")},
+        else {e.attrib["name"]: _gains(e) for e in control.findall("gains")},
         plant=_numbers(plant),
         uncertainty=_numbers(uncertainty),
     )
@@ -130,7 +131,9 @@ def _numbers(element: ET.Element | None) -> dict[str, float]:
 def _apparatus(element: ET.Element) -> Apparatus:
     rotors = []
     for e in element.findall("rotor"):
-        axis = tuple(float(x) for x in e.get("axis", "0 0 1").split())
+        x, y, z = (float(part) for part in e.get("axis", "0 0 1").split())
+        norm = hypot(x, y, z)
+        axis = (x, y, z) if abs(norm - 1.0) < 1e-9 else (x / norm, y / norm, z / norm)
         rotors.append(_fill(Rotor, e, axis=axis))
     return Apparatus(tuple(rotors), element.get("roll"), element.get("pitch"), element.get("link"))
 
@@ -174,17 +177,5 @@ def _number_or_text(value: str) -> Any:
         return value
 
 
-def _text(element: ET.Element, name: str) -> str:
-    value = element.get(name)
-    if value is None:
-        raise DescriptionError(f"<snakegen>: <{element.tag}> lacks '{name}'.")
-    return value
-
-
 def _real(element: ET.Element, name: str) -> float:
-    try:
-        return float(_text(element, name))
-    except ValueError:
-        raise DescriptionError(
-            f"<snakegen>: <{element.tag} {name}='{element.get(name)}'> is not a number."
-        ) from None
+    return float(element.attrib[name])

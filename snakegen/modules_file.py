@@ -14,6 +14,7 @@ from snakegen.filtering import rate_filter
 from snakegen.modules import Apparatus, Modules, Rotor, Servo
 from snakegen.spec import Control, GainSet, Plant, Uncertainty
 
+_MOST = 2000  # entries of a list
 _ARMATURE = 0.005  # kg m², of a servo that the file says nothing about (assumed)
 
 
@@ -122,6 +123,8 @@ def _listed(data: dict[str, Any], key: str, place: str) -> list[Any]:
         return []
     if not isinstance(value, list):
         raise DescriptionError(f"{place}: '{key}' is a list; begin each entry with '- '.")
+    if len(value) > _MOST:
+        raise DescriptionError(f"{place}: '{key}' has {len(value)} entries; at most {_MOST}.")
     return value
 
 
