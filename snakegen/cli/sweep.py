@@ -85,7 +85,7 @@ def sweep(
     from snakegen.sweep.samples import Table, chosen_joints, read_table, sampling
     from snakegen.sweep.store import read_columns
 
-    _check_margin(column)
+    _check_margin(column, worst)
     check_ending("-o", out, ".parquet")
     machine = source.machine()
     names = chosen_joints(machine, joints)
@@ -117,6 +117,7 @@ def sweep(
         sweep_map(picture, machine, read_columns(path, (*names, column)), column, drawn_over)
     if worst:
         summary["worst"] = _refine(machine, names, base_rpy, tolerance, path, column)
+        summary["worst"]["least_sampled"] = summary["least"]
     files = {"table": str(path)} | ({"map": str(picture)} if picture else {})
     if as_json:
         print_json(files | summary)
@@ -182,15 +183,17 @@ def _spec_text(source: Source) -> str:
     return "" if source.is_xml else yaml_file.dump(source.spec().resolved())
 
 
-def _check_margin(column: str) -> None:
+def _check_margin(column: str, worst: bool) -> None:
     """Refuses an unknown margin before the sweep, not after it."""
     from snakegen.errors import AnalysisError, near
-    from snakegen.sweep.batch import MARGINS
+    from snakegen.sweep.batch import FLAGS, MARGINS
 
     if column not in MARGINS:
         raise AnalysisError(
             f"--margin '{column}': a sweep has no such margin.{near(column, MARGINS)}"
         )
+    if worst and column in FLAGS:
+        raise AnalysisError(f"--worst: '{column}' is true or false; it has no least value.")
 
 
 def _map_axes(axes: str | None, names: Any) -> tuple[str, str] | None:
@@ -252,14 +255,22 @@ def _refine(
         "lower": w.lower,
         "upper": w.upper,
         "closed": w.closed,
-        "least_sampled": w.sampled,
+        "hover_feasible": w.feasible,
+        "wrench_margin": w.wrench,
+        "zero": w.zero,
     }
 
 
 def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    if summary["infeasible_share"] == 1.0:
+        spread = "undefined: hover is out of reach in every posture"
+    else:
+        spread = (
+            f"least {summary['least']:.4g}, 1 % {summary['percentile_1']:.4g}, "
+            f"median {summary['median']:.4g}, largest {summary['largest']:.4g}"
+        )
     rows = [
-        (summary["margin"], f"least {summary['least']:.4g}, 1 % {summary['percentile_1']:.4g}, "
-                            f"median {summary['median']:.4g}, largest {summary['largest']:.4g}"),
+        (summary["margin"], spread),
         ("hover out of reach", f"{100 * summary['infeasible_share']:.2f} %"),
         ("certified bounds closed", f"{100 * summary['closed_share']:.2f} %"),
         ("self-colliding", f"{100 * summary['self_collision_share']:.2f} %"),
@@ -267,6 +278,15 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     if "worst" in summary:
         w = summary["worst"]
         angles = ", ".join(f"{n} {a:+.4f}" for n, a in w["posture"].items())
-        said = "" if w["closed"] else " (bounds did not close)"
-        rows.append(("worst posture", f"{w['lower']:.6g} … {w['upper']:.6g}{said} at {angles}"))
+        rows.append(("worst posture", f"{_worst_text(w, summary['margin'])} at {angles}"))
     return rows
+
+
+def _worst_text(worst: dict[str, Any], column: str) -> str:
+    """Returns the least margin in words: out of reach, zero, closed or not."""
+    if not worst["hover_feasible"]:
+        return f"hover out of reach (scaled wrench margin {worst['wrench_margin']:.3g})"
+    if worst["zero"]:
+        return "0" + (": no resistance in some direction" if "margin" in column else "")
+    said = "" if worst["closed"] else " (bounds did not close)"
+    return f"{worst['lower']:.6g} … {worst['upper']:.6g}{said}"

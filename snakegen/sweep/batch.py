@@ -12,6 +12,7 @@ from snakegen.robot import GRAVITY, Robot
 from snakegen.sweep.worker import NUMBERS, Task, work
 
 MARGINS = (*NUMBERS, "self_collision")
+FLAGS = ("closed", "self_collision")  # columns that are true or false
 
 
 @dataclass(frozen=True, eq=False)
