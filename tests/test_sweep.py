@@ -249,18 +249,19 @@ def hover_error(robot: Robot, angles: np.ndarray) -> float:
     limit = robot.gimbals.limit
     Q, w = rows[:, None] * a.force * np.repeat(limit, 3), rows * a.hover_wrench
     found = minimize(
-        lambda f: np.sum((Q @ f - w) ** 2),
+        lambda f: 1e6 * np.sum((Q @ f - w) ** 2),
         np.linalg.lstsq(Q, w, rcond=None)[0],
-        jac=lambda f: 2.0 * Q.T @ (Q @ f - w),
+        jac=lambda f: 2e6 * Q.T @ (Q @ f - w),
         constraints={
             "type": "ineq",
             "fun": lambda f: 1.0 - np.sum(f.reshape(-1, 3) ** 2, axis=1),
             "jac": lambda f: -2.0 * block_diag(*f.reshape(-1, 1, 3)),
         },
         method="SLSQP",
-        options={"ftol": 1e-16, "maxiter": 500},
+        options={"ftol": 1e-10, "maxiter": 500},
     )
-    return float(np.sqrt(found.fun))
+    assert found.success
+    return float(1e-3 * np.sqrt(found.fun))
 
 
 def test_the_worst_posture_is_out_of_reach_where_there_is_such_a_posture(
@@ -272,7 +273,8 @@ def test_the_worst_posture_is_out_of_reach_where_there_is_such_a_posture(
     found = refine(body, table, "torque_margin", rounds=6)
     assert found.sampled == np.nanmin(table["torque_margin"].to_numpy()) > 0.0
     assert not found.feasible and np.isnan(found.lower) and found.wrench < -1e-3
-    assert hover_error(robot, found.angles) == pytest.approx(-found.wrench, rel=1e-3)
+    proved = -found.wrench  # hover is at least this far out of reach
+    assert proved <= hover_error(robot, found.angles) <= 1.01 * proved
     with pytest.raises(AnalysisError, match="no margin 'torq' in the sweep"):
         refine(body, table, "torq")
 
