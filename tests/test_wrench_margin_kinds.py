@@ -10,7 +10,8 @@ from snakegen.errors import SnakegenError
 from snakegen.kernels.sector_support import farthest
 from snakegen.margins.controller import ball_reach, thrust_controller, vectored_controller
 from snakegen.margins.failure import thrust_failures, vectored_failures
-from snakegen.margins.joint_limited import thrust_joint_limited, vectored_joint_limited
+from snakegen.margins.joint_limited import vectored_joint_limited
+from snakegen.margins.joint_limited_rotors import thrust_joint_limited
 from snakegen.margins.sector import hull_bounds
 from snakegen.margins.uncertainty import guaranteed_thrust, guaranteed_vectored
 

@@ -5,12 +5,15 @@ from typing import Any
 import numpy as np
 
 from snakegen.analysis.allocation import Allocation, allocation
-from snakegen.errors import AnalysisError
+from snakegen.analysis.push_margins import DUAL_MODE, VIRTUAL_MODE, push_margins
+from snakegen.errors import AnalysisError, near
 from snakegen.geometry import Floats
 from snakegen.kinetostatics.joint_loads import joint_loads
 from snakegen.margins.controller import thrust_controller, vectored_controller
 from snakegen.margins.failure import thrust_failures, vectored_failures
-from snakegen.margins.joint_limited import thrust_joint_limited, vectored_joint_limited
+from snakegen.margins.joint_limited import vectored_joint_limited
+from snakegen.margins.joint_limited_rotors import thrust_joint_limited
+from snakegen.margins.push_margin import ALLOCATORS, PushMargins
 from snakegen.margins.summary import JointLimited, Margins, Weakest
 from snakegen.margins.thrust import ThrustMargins, thrust_margins
 from snakegen.margins.uncertainty import guaranteed_thrust, guaranteed_vectored
@@ -33,6 +36,10 @@ OPTIONS = {
     "tolerance": [1e-3, "relative gap of the certified vectored margins"],
     "failures": [False, "add the table of each rotor and each apparatus lost"],
     "link": ["", "where a disturbance acts, for the joint-limited margins; the root link if empty"],
+    "allocator": [
+        "paper",
+        "whose prediction for `push` is named: paper (pseudo-inverse) or constrained (exact)",
+    ],
     "mass_error": [0.0, "fraction: also the margins guaranteed for a mass this uncertain"],
     "thrust_error": [0.0, "fraction: the same for thrust limits"],
 }
@@ -49,6 +56,7 @@ def analyze(
     tolerance: float = 1e-3,
     failures: bool = False,
     link: str = "",
+    allocator: str = "paper",
     mass_error: float = 0.0,
     thrust_error: float = 0.0,
 ) -> Margins:
@@ -59,8 +67,10 @@ def analyze(
 
     Raises:
         DescriptionError: no such link.
-        AnalysisError: an error share outside 0…1.
+        AnalysisError: an error share outside 0…1, an unknown allocator.
     """
+    if allocator not in ALLOCATORS:
+        raise AnalysisError(f"allocator '{allocator}' is unknown.{near(allocator, ALLOCATORS)}")
     for option, share in (("mass_error", mass_error), ("thrust_error", thrust_error)):
         if not 0.0 <= share < 1.0:
             raise AnalysisError(f"{option} is {share:g}; it must be a fraction in [0, 1).")
@@ -75,11 +85,11 @@ def analyze(
         "dual_rotor": _slices(thrust_controller(a.dual, low, high, a.hover_wrench, **scale))
     }
     vectored: dict[str, Weakest] = {}
-    closed = False
+    closed, exact = False, dict[str, Any]({DUAL_MODE: dual})
     if robot.gimbal_names:
         free: dict[str, Any] = {"drag": a.drag} | scale
         v = vectored_margins(a.thrust_points, limit, a.hover_wrench, tolerance=tolerance, **free)
-        closed = bool(v.closed)
+        closed, exact[VIRTUAL_MODE] = bool(v.closed), v
         vectored = {n: _weakest(v, n, units) for n in ("wrench", "force", "torque")}
         controller["virtual_single_rotor"] = _slices(
             vectored_controller(
@@ -96,7 +106,17 @@ def analyze(
         _failures(robot, a, names, units, tolerance, scale) if failures else (),
         tolerance,
         **scale,
+        push=_pushes(robot, q, a, link or robot.root_link, exact, tolerance),
+        mode=str(robot.modules.control.get("mode", VIRTUAL_MODE)),
+        allocator=allocator,
     )
+
+
+def _pushes(
+    robot: Robot, q: Floats, a: Allocation, link: str, exact: dict[str, Any], tolerance: float
+) -> dict[str, PushMargins]:
+    """Returns the push margins of every mode whose exact margins there are."""
+    return {mode: push_margins(robot, q, a, link, m, tolerance) for mode, m in exact.items()}
 
 
 def _weakest(found: ThrustMargins | VectoredMargins, name: str, labels: list[str]) -> Weakest:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from snakegen.kernels.sandwich import insert, simplex
 
@@ -57,3 +58,39 @@ def inner_ball(support: Support, tolerance: float, most: int = 300) -> tuple[flo
             break
         count, _ = insert(points, used, facets, planes, count, edges, 1e-12 * size)
     return max(float(planes[:count, 3].min()), 0.0), upper, worst
+
+
+def inner_ball_of(
+    support: Support, size: int, tolerance: float, most: int = 600
+) -> tuple[float, float, Floats]:
+    """Returns (lower, upper, direction) as `inner_ball`, for a body of any dimension `size`.
+
+    The polytope grows by Qhull, a point at a time.
+    """
+    points, upper, worst = [], np.inf, np.zeros(size)
+    for e in np.vstack([np.eye(size), -np.eye(size)]):
+        above, point = support(e)
+        points.append(point)
+        if above < upper:
+            upper, worst = above, e
+        if upper < 0.0:
+            return np.nan, upper, worst
+    try:
+        hull = ConvexHull(points, incremental=True)
+    except QhullError:
+        return -np.inf, upper, worst
+    lower = -np.inf
+    for _ in range(2 * size, most):
+        weakest = int(np.argmax(hull.equations[:, -1]))
+        e, lower = hull.equations[weakest, :-1].copy(), -float(hull.equations[weakest, -1])
+        if upper - lower <= tolerance * upper:
+            break
+        above, point = support(e)
+        if above < upper:
+            upper, worst = above, e
+        if upper < 0.0:
+            return np.nan, upper, worst
+        if point @ e - lower <= 1e-12 * np.abs(point).max():
+            break
+        hull.add_points(point[None])
+    return max(lower, 0.0), upper, worst

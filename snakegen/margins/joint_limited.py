@@ -11,17 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 
 from snakegen.errors import AnalysisError
 from snakegen.kernels.norms import minimise
 from snakegen.margins import inputs
-from snakegen.margins.inner_ball import inner_ball
-from snakegen.margins.thrust import thrust_margins
+from snakegen.margins.inner_ball import inner_ball, inner_ball_of
 from snakegen.margins.vectored import vectored_margins
 
 Floats = NDArray[np.float64]
-Solve = Callable[[Floats, bool], tuple[float, Floats]]
+Solve = Callable[[Floats, slice], tuple[float, Floats]]
+FORCE, TORQUE, TRUNCATED = slice(0, 3), slice(3, 6), slice(2, 6)  # rows of the disturbance
 AT_LIMIT = 1e-3  # a joint within this share of its limit counts as saturated
 
 
@@ -49,13 +48,13 @@ class JointLimitedMargins:
 
     @property
     def force(self) -> float:
-        """Largest force ball, N: the upper bound."""
-        return float(self.force_bounds[1])
+        """Largest force ball, N: the lower bound."""
+        return float(self.force_bounds[0])
 
     @property
     def torque(self) -> float:
-        """Largest torque ball, N·m: the upper bound."""
-        return float(self.torque_bounds[1])
+        """Largest torque ball, N·m: the lower bound."""
+        return float(self.torque_bounds[0])
 
     @property
     def closed(self) -> bool:
@@ -65,7 +64,7 @@ class JointLimitedMargins:
 
 
 @dataclass(frozen=True)
-class _Problem:
+class LimitedProblem:
     """Everything scaled: map (6, n), joint rows (k, n), bias (k,), hover (6,), limit (k,)."""
 
     map: Floats
@@ -75,7 +74,7 @@ class _Problem:
     limit: Floats
 
 
-def _problem(
+def limited_problem(
     q: Floats,
     hover: Floats,
     scale: Floats,
@@ -83,7 +82,7 @@ def _problem(
     joint_bias: ArrayLike,
     joint_limit: ArrayLike,
     disturbance: ArrayLike | None,
-) -> _Problem:
+) -> LimitedProblem:
     k = len(joint_torque)
     bias = inputs.array("joint_bias", joint_bias, (k,))
     limit = inputs.per_unit("joint_limit", joint_limit, k)
@@ -92,7 +91,7 @@ def _problem(
     acts = np.zeros((k, 6)) if disturbance is None else disturbance
     d = inputs.array("disturbance", acts, (k, 6))
     rows, torque = joint_torque - d @ q, scale[3]
-    return _Problem(
+    return LimitedProblem(
         q / scale[:, None],
         rows / torque,
         (bias + d @ hover) / torque,
@@ -101,89 +100,55 @@ def _problem(
     )
 
 
-def _at_limit(problem: _Problem, thrust: Floats) -> list[int]:
+def _at_limit(problem: LimitedProblem, thrust: Floats) -> list[int]:
     torque = problem.bias + problem.rows @ thrust
     return np.flatnonzero(np.abs(torque) >= (1.0 - AT_LIMIT) * problem.limit).tolist()
 
 
-def _margins(
-    problem: _Problem, solve: Solve, scale: Floats, free: tuple[float, float], tolerance: float
-) -> JointLimitedMargins:
-    """Runs both slices; ``solve(e, torque) → (upper, thrust)``; `free`: without joint limits."""
-    found: list[tuple[Floats, Floats, list[int]]] = []
-    for torque in (False, True):
-        part = slice(3, 6) if torque else slice(0, 3)
-        if free[torque] == 0.0 or np.isnan(free[torque]):
-            found.append((np.full(2, free[torque]), np.full(3, np.nan), []))
-            continue
+def limited_slice(
+    problem: LimitedProblem, solve: Solve, part: slice, known: float, tolerance: float
+) -> tuple[Floats, Floats, list[int]]:
+    """Returns scaled bounds (2,), weakest direction and joints at their limit of one slice."""
+    size = part.stop - part.start
+    if known == 0.0 or np.isnan(known):
+        return np.full(2, known), np.full(size, np.nan), []
 
-        def support(e: Floats, torque: bool = torque, part: slice = part) -> tuple[float, Floats]:
-            upper, thrust = solve(e, torque)
-            return upper, (problem.map @ thrust - problem.hover)[part]
+    def support(e: Floats) -> tuple[float, Floats]:
+        upper, thrust = solve(e, part)
+        return upper, (problem.map @ thrust - problem.hover)[part]
 
+    if size == 3:
         low, high, e = inner_ball(support, tolerance)
-        if high < 0.0:
-            found.append((np.full(2, np.nan), e, []))
-            continue
-        joints = _at_limit(problem, solve(e, torque)[1])
-        found.append((np.array([low, high]) * scale[3 if torque else 0], e, joints))
+    else:
+        low, high, e = inner_ball_of(support, size, tolerance)
+    if high < 0.0:
+        return np.full(2, np.nan), e, []
+    return np.array([low, high]), e, _at_limit(problem, solve(e, part)[1])
+
+
+def held_rows(part: slice) -> slice:
+    """Returns the rows that stay at hover: force or torque; none of larger slices."""
+    if part.stop - part.start > 3:
+        return slice(0, 0)
+    return TORQUE if part == FORCE else FORCE
+
+
+def limited_margins(
+    problem: LimitedProblem,
+    solve: Solve,
+    scale: Floats,
+    free: tuple[float, float],
+    tolerance: float,
+) -> JointLimitedMargins:
+    """Runs both slices; ``solve(e, part) → (upper, thrust)``; `free`: without joint limits."""
+    found: list[tuple[Floats, Floats, list[int]]] = []
+    for part, known in zip((FORCE, TORQUE), free, strict=True):
+        bounds, e, joints = limited_slice(problem, solve, part, known, tolerance)
+        found.append((bounds * scale[part][0], e, joints))
     (force, along, bent), (turn, about, twisted) = found
     return JointLimitedMargins(
         force, turn, along, about, bent, twisted, free[0], free[1], tolerance
     )
-
-
-def thrust_joint_limited(
-    allocation: ArrayLike,
-    lower: ArrayLike,
-    upper: ArrayLike,
-    hover_wrench: ArrayLike,
-    joint_torque: ArrayLike,
-    joint_bias: ArrayLike,
-    joint_limit: ArrayLike,
-    *,
-    force_scale: float,
-    torque_scale: float,
-    disturbance: ArrayLike | None = None,
-    tolerance: float = 1e-3,
-) -> JointLimitedMargins:
-    """Returns the margins of fixed rotors with joint torques within limits (linear programs).
-
-    Args:
-        joint_torque: M, (k, n): torque of each joint per newton of each rotor.
-        joint_bias: (k,) N·m: joint torques with rotors off (gravity), in the posture.
-        joint_limit: N·m, one number or (k,).
-        disturbance: D, (k, 6): joint torque per unit of disturbance wrench (about the CoG), for
-            the place where it acts; by default 0: on a link that loads no joint (the root).
-        allocation, lower, upper, hover_wrench, force_scale, torque_scale: as `thrust_margins`.
-        tolerance: relative gap of the bounds.
-
-    Raises:
-        AnalysisError: as `thrust_margins`; joint arrays of other shapes; a limit that is 0.
-    """
-    q = inputs.array("Q", allocation, (6, None))
-    low, high = inputs.limits(lower, upper, q.shape[1])
-    hover, scale = inputs.hover(hover_wrench, None), inputs.scale(force_scale, torque_scale)
-    m = inputs.array("joint_torque", joint_torque, (None, q.shape[1]))
-    problem = _problem(q, hover, scale, m, joint_bias, joint_limit, disturbance)
-
-    def solve(e: Floats, torque: bool) -> tuple[float, Floats]:
-        part, held = (slice(3, 6), slice(0, 3)) if torque else (slice(0, 3), slice(3, 6))
-        found = linprog(
-            -(e @ problem.map[part]),
-            A_ub=np.vstack([problem.rows, -problem.rows]),
-            b_ub=np.r_[problem.limit - problem.bias, problem.limit + problem.bias],
-            A_eq=problem.map[held],
-            b_eq=problem.hover[held],
-            bounds=np.c_[low, high],
-        )
-        if found.x is None:
-            return -1.0, np.zeros(q.shape[1])
-        return float(-found.fun - e @ problem.hover[part]), found.x
-
-    free = thrust_margins(q, low, high, hover, force_scale=force_scale, torque_scale=torque_scale)
-    known = float(free.force), float(free.torque)
-    return _margins(problem, solve, scale, known, tolerance)
 
 
 def vectored_joint_limited(
@@ -221,15 +186,17 @@ def vectored_joint_limited(
     hover, scale = inputs.hover(hover_wrench, None), inputs.scale(force_scale, torque_scale)
     m = inputs.array("joint_torque", joint_torque, (None, len(p), 3))
     q = inputs.force_map(p, inputs.drags(drag, len(p)))
-    problem = _problem(q, hover, scale, m.reshape(len(m), -1), joint_bias, joint_limit, disturbance)
+    problem = limited_problem(
+        q, hover, scale, m.reshape(len(m), -1), joint_bias, joint_limit, disturbance
+    )
     joints, strength = len(m), np.r_[limit, problem.limit * scale[0]] / scale[0]
     strength[: len(p)] = np.maximum(strength[: len(p)], 1e-12)
     # from scaled twist to point velocity, per unit of force scale
     moves = (problem.map * scale[0]).reshape(6, -1, 3).transpose(1, 2, 0)
     bends = (problem.rows * scale[0]).reshape(joints, -1, 3).transpose(1, 2, 0)
 
-    def solve(e: Floats, torque: bool) -> tuple[float, Floats]:
-        part, held = (slice(3, 6), slice(0, 3)) if torque else (slice(0, 3), slice(3, 6))
+    def solve(e: Floats, part: slice) -> tuple[float, Floats]:
+        held = held_rows(part)
         start, maps = np.zeros((len(strength), 3)), np.zeros((len(strength), 3, 3 + joints))
         start[: len(p)] = moves[:, :, part] @ e
         maps[: len(p), :, :3], maps[: len(p), :, 3:] = moves[:, :, held], bends
@@ -252,4 +219,4 @@ def vectored_joint_limited(
         wrench_starts=0,
     )
     known = float(free.force), float(free.torque)
-    return _margins(problem, solve, scale, known, tolerance)
+    return limited_margins(problem, solve, scale, known, tolerance)

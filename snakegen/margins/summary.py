@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.margins.push_margin import LABELS, PushMargins
+
 OUT_OF_REACH = "hover is out of reach"
 _MODES = {"virtual_single_rotor": "virtual-single-rotor", "dual_rotor": "dual-rotor"}
 _NAMES = {"attitude_altitude": "[f_z; τ]"}
@@ -45,6 +47,9 @@ class Margins:
     tolerance: float
     force_scale: float  # N, m g
     torque_scale: float  # N m, m g times the link length
+    push: dict[str, PushMargins]  # by mode
+    mode: str  # that the robot flies in
+    allocator: str  # `paper` or `constrained`: whose prediction is named
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data for a program, with the units in which to read it."""
@@ -69,6 +74,8 @@ class Margins:
             "controller": self.controller,
             "joint_limited": {k: asdict(v) for k, v in self.joint_limited.items()},
             "guaranteed": self.guaranteed,
+            "push": {k: v.to_json() for k, v in self.push.items()},
+            "prediction": self._prediction(),
             "units": {
                 "frame": "forces and torques along the root link's axes, torques about the CoG",
                 "force": "N",
@@ -79,6 +86,8 @@ class Margins:
                 "scaled parts",
                 "force_scale_N": self.force_scale,
                 "torque_scale_Nm": self.torque_scale,
+                "push": "weakest disturbance on the robot, N and N m, of margin 1: its rotors "
+                "answer it with minus that",
             },
         } | ({"failures": rows} if rows else {})
 
@@ -89,13 +98,14 @@ class Margins:
             out.append(("virtual-single-rotor", self._summary(self.vectored, self.vectored_closed)))
             told = () if self._falls("virtual_single_rotor") else ("force", "torque")
             out += [("", _why(n, self.vectored[n])) for n in told]
-            out.append(("  paper's allocator", self._controller("virtual_single_rotor")))
-            out += self._joints("virtual_single_rotor")
+            out += self._pushes("virtual_single_rotor")
         out.append(("dual-rotor (exact)", self._summary(self.dual, True)))
         if not self._falls("dual_rotor"):
             out.append(("", _why("attitude_altitude", self.dual["attitude_altitude"])))
-        out.append(("  paper's allocator", self._controller("dual_rotor")))
+        out.append(("  pseudo-inverse, 6 rows", self._controller("dual_rotor")))
         out += self._joints("dual_rotor")
+        out += self._pushes("dual_rotor")
+        out += self._predicted()
         for mode, sure in self.guaranteed.items():
             units = {"force": " N", "torque": " N m"}
             parts = ", ".join(
@@ -107,6 +117,33 @@ class Margins:
             if w < 0:
                 left = f"falls: hover is out of reach by {-w:.3g} (scaled)"
             out.append((f"without {part}", f"{_MODES[mode]}: {left}"))
+        return out
+
+    def _pushes(self, mode: str) -> list[tuple[str, str]]:
+        found = self.push.get(mode)
+        return [] if found is None or self._falls(mode) else found.rows()
+
+    def _prediction(self) -> dict[str, Any]:
+        """Returns the margin of each kind that predicts the limit of a push in the flown mode."""
+        found = self.push.get(self.mode)
+        if found is None:
+            return {}
+        out: dict[str, Any] = {"mode": self.mode, "allocator": self.allocator, "link": found.link}
+        for kind in found.kinds:
+            key, margin = found.prediction(kind, self.allocator)
+            out[kind] = asdict(margin) | {"margin": key}
+        return out
+
+    def _predicted(self) -> list[tuple[str, str]]:
+        found = self.push.get(self.mode)
+        if found is None or self._falls(self.mode):
+            return []
+        out: list[tuple[str, str]] = []
+        for kind in found.kinds:
+            key, margin = found.prediction(kind, self.allocator)
+            how = f"{LABELS[key]}, {_MODES[self.mode]}, on {found.link}"
+            label = "" if out else "prediction for push"
+            out.append((label, f"{_NAMES.get(kind, kind)} {margin.text(kind)}: {how}"))
         return out
 
     def _falls(self, mode: str) -> bool:
