@@ -88,6 +88,40 @@ def test_lcrank_with_every_wheel(screw4):
     assert np.ptp(q[:, wheel]) > 0.5  # a passive wheel has turned
 
 
+def failed_checks(recording):
+    """Returns the names of the checks that did not pass."""
+    return {c.metric for c in recording.verdict.failed}
+
+
+def test_a_check_that_was_not_measured_is_not_a_pass(quick):
+    """A run off its path that ends before it has settled; blind, a bound of every run sees it."""
+    short_run = {"duration": 4.0, "plant": "kinematic"}
+    settling = run(quick, "lcrank", options=short_run)
+    assert failed_checks(settling) == {"distance_rmse_settled_m", "shape_rmse_settled_rad"}
+    assert settling.metrics["distance_excess_m"] < 1e-5
+    blind = run(quick, "lcrank", options=short_run | {"duration": 9.0, "feedback": False})
+    assert "distance_excess_m" in failed_checks(blind)
+    assert blind.metrics["distance_excess_m"] > 0.3
+    assert run(quick, "lcrank", options=short_run | {"start": "path"}).verdict.passed
+
+
+def test_a_passage_that_was_not_reached_is_not_shown(quick):
+    stopped_short = run(quick, "gap", options={"duration": 2.0})
+    assert failed_checks(stopped_short) == {"path_share"}
+    assert 0 < stopped_short.metrics["path_share"] < 0.2
+
+
+def test_a_start_off_the_path_asks_for_a_step_of_torque(quick):
+    """The first second is measured apart: there the law asks for all rates at once."""
+    recording = drive(quick, "x", short(quick))
+    torque = recording.channel("screw_torque").values
+    torque[recording.time < 0.05] = 10.0
+    found = judge(recording, {}).metrics
+    assert found["screw_torque_start_use"] == 1.0 and found["screw_torque_use"] < 0.5
+    torque[recording.time > 1.5] = 10.0
+    assert "screw_torque_use" in failed_checks(judge(recording, {}))
+
+
 def test_square_needs_feedback(quick):
     steered = run(quick, "square", options={"side": 0.6})
     blind = run(quick, "square", options={"side": 0.6, "feedback": False})

@@ -23,7 +23,7 @@ from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
 def run() -> Recording:
     made = flight(3.0)
     numbers = metrics(made)
-    return made.judged(numbers, verdict(numbers, FLIGHT_THRESHOLDS))
+    return made.judged(numbers, verdict(numbers, FLIGHT_THRESHOLDS, made.recorded))
 
 
 @pytest.fixture(scope="module")

@@ -153,7 +153,7 @@ def test_what_is_not_finite_fails():
     bad[150, 1] = np.nan
     m = metrics(_with(run, position=channel("position", bad)))
     assert m["finite"] is False and m["position_rmse_m"][1] is None
-    failed = {c.metric: c for c in verdict(m, FLIGHT_THRESHOLDS).failed}
+    failed = {c.metric: c for c in verdict(m, FLIGHT_THRESHOLDS, run.recorded).failed}
     assert {"finite", "position_rmse_m", "position_max_m"} <= failed.keys()
     assert failed["position_max_m"].line() == "FAIL position_max_m = no value (≤ 0.5)"
 
@@ -187,12 +187,13 @@ def test_verdict_round_trip_and_kinds():
         "a": {"at_least": 1.0},
         "b": {"at_most": [0.2, 0.2]},
         "c": {"equals": True},
-        "d": {"at_most": 1.0, "if_measured": True},
+        "d": {"at_most": 1.0, "channel": "here"},
         "e": {"at_most": 1.0},
-        "f": {"at_most": 1.0, "if_measured": True},
+        "f": {"at_most": 1.0, "channel": "here"},
+        "g": {"at_most": 1.0, "channel": "not recorded"},
     }
-    v = verdict(m, thresholds)
-    assert [c.passed for c in v.checks] == [True, False, True, False, False]
+    v = verdict(m, thresholds, {"here"})
+    assert [c.passed for c in v.checks] == [True, False, True, False, False, False]
     assert Verdict.from_json(v.to_json()) == v and verdict(m, v.thresholds()) == v
     assert "b" in v.summary() and not v.passed and not Verdict(()).passed
     with pytest.raises(MissionError, match="at_most, at_least"):

@@ -34,6 +34,7 @@ THRESHOLDS: dict[str, dict[str, Any]] = {
     "completed": {"equals": True},
     "finite": {"equals": True},
     "joint_torque_use": {"at_most": 0.99},
+    "joint_tracking_max_rad": {"at_most": 0.05},
     "inverse_gap_share": {"at_most": 1e-9},
     "made_gap_share": {"at_most": 1e-6},
 }

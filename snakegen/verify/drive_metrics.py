@@ -12,7 +12,7 @@ from snakegen.geometry import Floats
 from snakegen.verify.recording import Recording
 
 SETTLED = 10.0  # s
-_START = 1.0  # s, the wheels find the ground
+_START = 1.0  # s, the wheels find the ground and a start off the path asks for a step of rates
 
 
 def drive_metrics(recording: Recording, start: float, end: float) -> dict[str, Any]:
@@ -30,7 +30,12 @@ def drive_metrics(recording: Recording, start: float, end: float) -> dict[str, A
         "distance_rmse_m": _rms(np.hypot(error[inside, 0], error[inside, 1])),
         "distance_end_m": float(np.hypot(error[inside][-1, 0], error[inside][-1, 1])),
         "heading_rmse_rad": _rms(error[inside, 2]),
+        "distance_excess_m": _excess(recording, time, error, inside),
     }
+    if recording.meta.get("reference_s"):
+        out["path_share"] = min(1.0, end / float(recording.meta["reference_s"]))
+    if error.shape[1] > 3:
+        out["shape_rmse_rad"] = _rms(error[inside, 3:])
     if late.any():
         out["distance_rmse_settled_m"] = _rms(np.hypot(error[late, 0], error[late, 1]))
         out["heading_rmse_settled_rad"] = _rms(error[late, 2])
@@ -49,6 +54,18 @@ def _law(recording: Recording, time: Floats, error: Floats) -> dict[str, Any]:
     return {"error_law_deviation": float(gap.max()), "error_law_end": float(gap[-1].max())}
 
 
+def _excess(recording: Recording, time: Floats, error: Floats, inside: Any) -> float:
+    """Returns by how much the distance from the reference exceeds what HA eq 8 leaves of it [m].
+
+    ``max_t |e(t)| - |e(0)| exp(-K t)`` in the plane; without feedback K = 0. It is defined for
+    every run, however short.
+    """
+    gain = np.asarray(recording.meta["gain_1_s"], float)[:2].min()
+    rate = gain if recording.meta.get("feedback") else 0.0
+    distance = np.hypot(error[:, 0], error[:, 1])
+    return float((distance - distance[0] * np.exp(-rate * time))[inside].max())
+
+
 def _motors(recording: Recording, inside: Any) -> dict[str, Any]:
     """Returns the use of the screw motors."""
     limits = recording.meta.get("limits", {})
@@ -63,8 +80,12 @@ def _motors(recording: Recording, inside: Any) -> dict[str, Any]:
     }
     if "screw_torque" in recording.channels:
         torque = np.abs(recording.channel("screw_torque").values[inside])
+        use = torque / np.asarray(limits["screw_torque"])
+        rolling = recording.times("screw_torque")[inside] > _START
         out["screw_torque_max_n_m"] = float(torque.max())
-        out["screw_torque_use"] = float((torque / np.asarray(limits["screw_torque"])).max())
+        out["screw_torque_start_use"] = float(use.max())
+        if rolling.any():
+            out["screw_torque_use"] = float(use[rolling].max())
     return out
 
 

@@ -192,7 +192,7 @@ def _slow(
     out["battery_used"] = channel("battery_used", flown.used[rows], time=time)
     if np.any(flown.wind):
         out["wind"] = channel("wind", flown.wind[rows], time=time)
-    if np.all(np.isfinite(own)):
+    if not np.all(np.isposinf(own)):  # inf: the robot has no parts that could touch
         out["self_distance"] = channel("self_distance", own, time=time)
     return out
 

@@ -177,6 +177,11 @@ class Recording:
             except (TypeError, ValueError) as error:
                 raise LogError(f"the recording's {what} cannot be JSON: {error}") from None
 
+    @property
+    def recorded(self) -> frozenset[str]:
+        """Names of the channels that have columns: what the verdict can expect numbers of."""
+        return frozenset(name for name, c in self.channels.items() if c.values.shape[1])
+
     def channel(self, name: str) -> Channel:
         """Returns the channel `name`; LogError names the near ones where there is none."""
         if name not in self.channels:

@@ -7,7 +7,7 @@ ask for take-off, for no contact afterwards and for tracking, not for survival a
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -24,11 +24,11 @@ FLIGHT_THRESHOLDS: dict[str, dict[str, Any]] = {
     "position_max_m": {"at_most": 0.5},
     "attitude_rmse_rad": {"at_most": 0.2},
     "saturation_share": {"at_most": 0.05},
-    "joint_torque_use": {"at_most": 0.99, "if_measured": True},
+    "joint_torque_use": {"at_most": 0.99, "channel": "joint_torque"},
     # sensor noise alone asks a stiff gimbal servo for all it has on single ticks
-    "gimbal_torque_limit_share": {"at_most": 0.01, "if_measured": True},
-    "min_self_distance_m": {"at_least": 0.0, "if_measured": True},
-    "min_obstacle_distance_m": {"at_least": 0.0, "if_measured": True},
+    "gimbal_torque_limit_share": {"at_most": 0.01, "channel": "gimbal_torque"},
+    "min_self_distance_m": {"at_least": 0.0, "channel": "self_distance"},
+    "min_obstacle_distance_m": {"at_least": 0.0, "channel": "obstacle_distance"},
 }
 
 
@@ -120,27 +120,33 @@ class Verdict:
         return "failed: " + ", ".join(c.metric for c in self.failed)
 
 
-def verdict(metrics: Mapping[str, Any], thresholds: Mapping[str, Mapping[str, Any]]) -> Verdict:
-    """Checks `metrics` against `thresholds`.
+def verdict(
+    metrics: Mapping[str, Any],
+    thresholds: Mapping[str, Mapping[str, Any]],
+    channels: Collection[str] | None = None,
+) -> Verdict:
+    """Checks `metrics` against `thresholds`; a metric that was not measured does not pass.
 
     Args:
         metrics: what `snakegen.verify.metrics.metrics` returns.
         thresholds: ``{metric: {"at_most" | "at_least" | "equals": bound}}``; a list of numbers is
             held against a bound of the same length or against one number, entry by entry.
-            ``"if_measured": True`` leaves the check out where the metric is absent; otherwise an
-            absent or undefined number fails.
+            ``"channel": name`` limits the check to runs that record that channel (a robot without
+            joints has no joint torque); an absent or undefined number fails.
+        channels: names of the channels that the run records (`Recording.recorded`); None: all.
 
     Raises:
         MissionError: a threshold that names no kind of bound, or whose length does not fit.
     """
     checks = []
     for metric, bounds in thresholds.items():
-        kinds = [k for k in bounds if k != "if_measured"]
+        kinds = [k for k in bounds if k != "channel"]
         if not kinds or any(k not in KINDS for k in kinds):
             raise MissionError(f"the threshold of '{metric}' needs one of {', '.join(KINDS)}")
-        value = metrics.get(metric)
-        if value is None and metric not in metrics and bounds.get("if_measured"):
+        source = bounds.get("channel")
+        if source is not None and channels is not None and source not in channels:
             continue
+        value = metrics.get(metric)
         for kind in kinds:
             passed = _holds(metric, value, kind, bounds[kind])
             checks.append(Check(metric, value, kind, bounds[kind], passed))

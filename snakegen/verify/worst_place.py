@@ -54,7 +54,8 @@ def judged_verdict(
     Raises:
         MissionError: as `verdict`.
     """
-    found = verdict(metrics, {k: v for k, v in thresholds.items() if v is not None})
+    kept = {k: v for k, v in thresholds.items() if v is not None}
+    found = verdict(metrics, kept, recording.recorded)
 
     def located(c: Check) -> Check:
         at = worst_place(recording, c.metric, c.value, c.bound, least=c.kind == "at_least")

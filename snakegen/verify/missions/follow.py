@@ -35,10 +35,7 @@ def fly(
         o["gain"],
         o["feedback"],
         events=((reference.duration, "end of the path"),),
-        thresholds={
-            "distance_rmse_m": {"at_most": 0.005},
-            "distance_rmse_settled_m": {"at_most": 0.005, "if_measured": True},
-        },
+        thresholds={"distance_rmse_m": {"at_most": 0.005}},
     )
     how = {"plant": o["plant"], "seed": seed, "ideal": ideal, "progress": progress}
     return drive(robot, "follow", plan, **how)

@@ -8,7 +8,7 @@ from typing import Any
 
 from snakegen.robot import Robot
 from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, following, lasting
-from snakegen.verify.drive_record import beside_open_ground, drive
+from snakegen.verify.drive_record import PASSAGE, beside_open_ground, drive
 from snakegen.verify.ground import duct
 from snakegen.verify.recording import Recording
 
@@ -45,7 +45,7 @@ def fly(
         obstacles=duct(span, width, height),
         events=((0.0, f"a duct {width:.3f} m wide and {height:.3f} m high lies ahead"),),
         facts={"width_m": width, "height_m": height},
-        thresholds={"distance_end_m": {"at_most": 0.01}},
+        thresholds=PASSAGE | {"distance_end_m": {"at_most": 0.01}},
     )
     how: dict[str, Any] = {"plant": o["plant"], "seed": seed, "ideal": ideal}
     open_plan = DrivePlan(reference, plan.start, plan.duration, plan.gain, plan.feedback)

@@ -12,7 +12,7 @@ import numpy as np
 from snakegen.errors import MissionError
 from snakegen.robot import Robot
 from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, following, lasting
-from snakegen.verify.drive_record import beside_open_ground, drive
+from snakegen.verify.drive_record import PASSAGE, beside_open_ground, drive
 from snakegen.verify.ground import pipe
 from snakegen.verify.recording import Recording
 
@@ -76,7 +76,7 @@ def fly(
         obstacles=pipe((o["entry"], o["entry"] + o["length"]), radius, staves),
         events=((0.0, f"a pipe {2 * radius:.3f} m wide inside lies ahead"),),
         facts={"pipe_diameter_m": 2.0 * radius, "drum_diameter_m": 2.0 * drum},
-        thresholds={"distance_end_m": {"at_most": 0.01}},
+        thresholds=PASSAGE | {"distance_end_m": {"at_most": 0.01}},
     )
     how: dict[str, Any] = {"plant": o["plant"], "seed": seed, "ideal": ideal}
     open_plan = DrivePlan(reference, plan.start, plan.duration, plan.gain, plan.feedback)

@@ -7,7 +7,7 @@ import numpy as np
 from snakegen.errors import MissionError
 from snakegen.robot import Robot
 from snakegen.verify.drive_plan import COMMON, DrivePlan, can_drive, curled, lasting
-from snakegen.verify.drive_record import drive
+from snakegen.verify.drive_record import PASSAGE, drive
 from snakegen.verify.ground import tiles
 from snakegen.verify.recording import Recording
 
@@ -20,6 +20,7 @@ OPTIONS: dict[str, list[Any]] = COMMON | {
 }
 _AHEAD = 0.2  # m, from the head to the first tile
 _WIDE = 0.6  # m, of the rough stretch
+_CATCH_UP = 6.0  # s after the reference has ended: three time constants of the default gain
 
 
 def applies(robot: Robot) -> bool:
@@ -42,15 +43,17 @@ def fly(
     plan = DrivePlan(
         reference,
         reference.at(0.0)[0],
-        lasting(o, reference.duration + 1.0),
+        lasting(o, reference.duration + _CATCH_UP),
         o["gain"],
         o["feedback"],
         compliance=o["compliance"],
         obstacles=ground,
         events=((0.0, f"{len(ground)} tiles up to {1e3 * o['height']:.0f} mm ahead"),),
         facts={"tile_height_m": o["height"], "tile_size_m": o["size"]},
-        thresholds={
-            "distance_rmse_settled_m": {"at_most": 0.03, "if_measured": True},
+        thresholds=PASSAGE
+        | {
+            "distance_rmse_m": {"at_most": 0.12},
+            "distance_excess_m": {"at_most": 0.3},
             "distance_end_m": {"at_most": 0.03},
             "slip_mean_m_s": {"at_most": 0.05},
         },

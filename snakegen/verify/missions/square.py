@@ -36,10 +36,7 @@ def fly(
         (k, k, k, *[0.0] * joints),
         o["feedback"],
         events=tuple((i * law.duration, f"corner {i}") for i in range(1, 5)),
-        thresholds={
-            "distance_rmse_m": {"at_most": 0.012},
-            "distance_rmse_settled_m": {"at_most": 0.012, "if_measured": True},
-        },
+        thresholds={"distance_rmse_m": {"at_most": 0.012}},
     )
     how = {"plant": o["plant"], "seed": seed, "ideal": ideal, "progress": progress}
     return drive(robot, "square", plan, **how)
