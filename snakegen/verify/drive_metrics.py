@@ -12,7 +12,7 @@ from snakegen.geometry import Floats
 from snakegen.verify.recording import Recording
 
 SETTLED = 10.0  # s
-_START = 1.0  # s, the wheels find the ground and a start off the path asks for a step of rates
+STARTED = 1.0  # s, the wheels find the ground and a start off the path asks for a step of rates
 
 
 def drive_metrics(recording: Recording, start: float, end: float) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def _motors(recording: Recording, inside: Any) -> dict[str, Any]:
     if "screw_torque" in recording.channels:
         torque = np.abs(recording.channel("screw_torque").values[inside])
         use = torque / np.asarray(limits["screw_torque"])
-        rolling = recording.times("screw_torque")[inside] > _START
+        rolling = recording.times("screw_torque")[inside] > STARTED
         out["screw_torque_max_n_m"] = float(torque.max())
         out["screw_torque_start_use"] = float(use.max())
         if rolling.any():
@@ -94,7 +94,7 @@ def _ground(recording: Recording, inside: Any) -> dict[str, Any]:
     if "wheel_load" not in recording.channels:
         return {}
     time = recording.times("wheel_load")
-    rolling = inside & (time > _START) if (inside & (time > _START)).any() else inside
+    rolling = inside & (time > STARTED) if (inside & (time > STARTED)).any() else inside
     load = recording.channel("wheel_load").values[rolling]
     use = recording.channel("cone_use").values[rolling]
     x, y = recording.held("attitude", time)[inside, :2].T

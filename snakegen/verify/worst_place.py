@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.geometry import Floats
+from snakegen.verify.drive_metrics import STARTED
 from snakegen.verify.recording import Recording
 from snakegen.verify.signals import (
     MAY_BE_UNDEFINED,
@@ -83,6 +84,8 @@ def worst_place(
     inside = (trace.time >= start) & (trace.time <= end)
     if "_settled_" in metric:
         inside &= trace.time > SETTLED
+    if metric == "screw_torque_use":
+        inside &= trace.time > STARTED
     if metric in _WHOLE_RUN or not inside.any():
         inside = np.ones(len(trace.time), bool)
     time, values = trace.time[inside], trace.values[inside]
@@ -311,6 +314,8 @@ _TRACES: dict[str, Callable[[Recording], Trace | None]] = {
     "distance_rmse_m": _state_error(0, 2, mean=True),
     "distance_rmse_settled_m": _state_error(0, 2, mean=True),
     "distance_end_m": _last(_state_error(0, 2, mean=False)),
+    "distance_excess_m": _state_error(0, 2, mean=False),
+    "shape_rmse_rad": _state_error(3, None, mean=True),
     "shape_rmse_settled_rad": _state_error(3, None, mean=True),
     "heading_rmse_rad": _state_error(2, 3, mean=True),
     "slip_mean_m_s": _mean("slip"),
