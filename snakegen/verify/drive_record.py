@@ -27,11 +27,14 @@ DRIVE_THRESHOLDS: dict[str, dict[str, Any] | None] = {
     "screw_torque_use": {"at_most": 0.99, "channel": "screw_torque"},
     "joint_torque_use": {"at_most": 0.99, "channel": "joint_torque"},
 }
-PASSAGE = {"path_share": {"at_least": 1.0}}
+PASSAGE: dict[str, dict[str, Any] | None] = {"path_share": {"at_least": 1.0}}
 """Of missions that show a passage: what was not reached was not shown."""
-FROM_PATH = {"distance_rmse_m": {"at_most": 0.01}, "shape_rmse_rad": {"at_most": 0.05}}
+FROM_PATH: dict[str, dict[str, Any] | None] = {
+    "distance_rmse_m": {"at_most": 0.01},
+    "shape_rmse_rad": {"at_most": 0.05},
+}
 """Tracking of a drive that starts on its path: judged over the whole run."""
-FROM_ASIDE = {
+FROM_ASIDE: dict[str, dict[str, Any] | None] = {
     "distance_rmse_settled_m": {"at_most": 0.01},
     "shape_rmse_settled_rad": {"at_most": 0.05},
 }
