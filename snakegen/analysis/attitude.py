@@ -1,14 +1,16 @@
 """Best attitude: how to tilt the whole body so that its margin is largest."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from snakegen.errors import AnalysisError, near
-from snakegen.geometry import Floats, rotation_about, rpy_from_rotation
+from snakegen.geometry import Floats, rotation_about, rotation_from_rpy, rpy_from_rotation
 from snakegen.robot import Robot
-from snakegen.sweep.batch import Body, evaluate
+from snakegen.sweep.batch import FLAGS, Body
+from snakegen.sweep.batch import table as as_table
+from snakegen.sweep.worker import work
 
 COMMAND = "attitude"
 ORDER = 60
@@ -23,14 +25,25 @@ _UNITS = {"force_margin": "N", "torque_margin": "N·m", "self_distance": "m", "c
 
 @dataclass(frozen=True)
 class BestAttitude:
-    """The attitude of the root link that makes `margin` largest; yaw does not matter."""
+    """The attitude of the root link that makes `margin` largest; yaw does not matter.
+
+    Attributes:
+        margin: a column of a sweep.
+        level: value at the posture's own attitude; -inf where hover is out of reach.
+        best: largest value evaluated; -inf where hover is out of reach in all.
+        rpy: rad, of the root link at `best`, yaw 0.
+        worst: least finite value evaluated, the posture's own attitude included; nan if none.
+        evaluated: attitudes.
+        infeasible: how many of them cannot hover.
+    """
 
     margin: str
-    level: float  # value at the posture's own attitude
+    level: float
     best: float
-    rpy: tuple[float, float, float]  # rad, of the root link, yaw 0
-    worst: float  # least value among the samples
+    rpy: tuple[float, float, float]
+    worst: float
     evaluated: int
+    infeasible: int
 
     @property
     def unit(self) -> str:
@@ -50,17 +63,33 @@ class BestAttitude:
             "best_base_rpy_rad": list(self.rpy),
             "least_sampled": self.worst,
             "evaluated": self.evaluated,
+            "infeasible": self.infeasible,
         }
 
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people."""
         roll, pitch, _ = np.rad2deg(self.rpy)
-        level, best, worst = (f"{x:.4g} {self.unit}" for x in (self.level, self.best, self.worst))
+        counted = f"of {self.evaluated} evaluated"
+        if np.isneginf(self.best):
+            return [(self.margin, f"hover out of reach in every attitude {counted}")]
+        level, best, worst = (self._text(x) for x in (self.level, self.best, self.worst))
+        tilt = f"root link at roll {roll:+.1f}°, pitch {pitch:+.1f}° (any yaw)"
+        if self.infeasible:
+            worst = f"hover out of reach in {self.infeasible}; else {worst}"
         return [
             (self.margin, f"{level} as it stands, {best} at best"),
-            ("best attitude", f"root link at roll {roll:+.1f}°, pitch {pitch:+.1f}° (any yaw)"),
-            ("worst attitude seen", f"{worst}, of {self.evaluated} evaluated"),
+            ("best attitude", tilt if self._matters else "any: the margin is the same"),
+            ("worst attitude seen", f"{worst}, {counted}"),
         ]
+
+    @property
+    def _matters(self) -> bool:
+        """Whether the attitude changes the margin by more than rounding."""
+        return bool(self.infeasible or self.best - self.worst > 1e-9 * abs(self.best))
+
+    def _text(self, value: float) -> str:
+        """Returns a value with its unit, or that hover is out of reach."""
+        return "hover out of reach" if np.isneginf(value) else f"{value:.4g} {self.unit}".rstrip()
 
 
 def applies(robot: Robot) -> bool:
@@ -74,32 +103,34 @@ def analyze(
     """Returns the attitude with the largest certified margin for the joints of q.
 
     Gravity's direction in the body is searched: `samples` directions spread over the sphere
-    (Fibonacci), then a pattern search from the best four. Gimbals point up in each.
+    (Fibonacci) and its own, then a pattern search from the best four. Gimbals point up in each.
 
     Raises:
         AnalysisError: no such margin, or too few samples.
     """
     if samples < 4:
-        raise AnalysisError(f"--samples {samples}: at least 4 directions are needed.")
+        raise AnalysisError(f"samples = {samples}: at least 4 directions are needed.")
+    if margin in FLAGS:
+        raise AnalysisError(f"margin: '{margin}' is true or false; no attitude makes it largest.")
     joints = robot.chain_joints
     low, high, _ = robot.limits(robot.joint_names)
     chosen = np.array([robot.joint_names.index(n) for n in joints], int)
     row = np.clip(robot.angles(q)[chosen], low[chosen], high[chosen])[None]
-    count = 0
+    task = Body.of(robot, joints, np.eye(3), 1e-3).task  # all but the attitude
+    seen: list[float] = []
 
     def value(up: Floats) -> float:
-        nonlocal count
-        count += 1
-        table = evaluate(Body.of(robot, joints, _attitude(up), 1e-3), row)
+        table = as_table(joints, row, work(replace(task, base=_attitude(up)), row))
         if margin not in table.column_names or margin in joints:
             raise AnalysisError(f"no margin '{margin}'.{near(margin, table.column_names)}")
         found = float(table[margin][0].as_py())
-        return found if np.isfinite(found) else -np.inf
+        seen.append(-np.inf if np.isnan(found) else found)
+        return seen[-1]
 
     base, _ = robot.base_pose(q)
-    level = value(base[2])
-    ups = _sphere(samples)
+    ups = np.vstack([base[2], _sphere(samples)])
     values = np.array([value(u) for u in ups])
+    level = float(values[0])
     best, best_up = level, np.array(base[2])
     rng = np.random.default_rng(0)
     for start in np.argsort(values)[-4:]:
@@ -118,8 +149,9 @@ def analyze(
         if here > best:
             best, best_up = float(here), up
     roll, pitch, yaw = (float(x) for x in rpy_from_rotation(_attitude(best_up)))
-    least = float(values[np.isfinite(values)].min()) if np.isfinite(values).any() else float("nan")
-    return BestAttitude(margin, level, best, (roll, pitch, yaw), least, count)
+    feasible = [x for x in seen if np.isfinite(x)]
+    least, lost = min(feasible, default=np.nan), seen.count(-np.inf)
+    return BestAttitude(margin, level, best, (roll, pitch, yaw), least, len(seen), lost)
 
 
 def _sphere(count: int) -> Floats:
@@ -139,6 +171,4 @@ def _attitude(up: Floats) -> Floats:
         return np.eye(3) if up[2] > 0 else np.diag([1.0, -1.0, -1.0])
     turned = rotation_about(axis / sine, float(np.arctan2(sine, up[2])))
     roll, pitch, _ = rpy_from_rotation(turned)
-    from snakegen.geometry import rotation_from_rpy
-
     return rotation_from_rpy((roll, pitch, 0.0))
