@@ -48,6 +48,17 @@ def writing(target: Path) -> Iterator[None]:
         raise SnakegenError(f"{target}: cannot be written ({_reason(error)}).") from None
 
 
+def require_suffix(path: str | Path, *suffixes: str) -> None:
+    """Refuses a file to write whose suffix names another format than its content.
+
+    Raises:
+        SnakegenError: the suffixes that would do are named.
+    """
+    if not str(path).endswith(suffixes):
+        names = " or ".join(suffixes)
+        raise SnakegenError(f"{path}: this content needs a file name that ends in {names}.")
+
+
 def check_writable(path: Path) -> None:
     """Refuses a file that cannot be written before long work is done for it; leaves no trace.
 

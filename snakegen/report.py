@@ -14,11 +14,12 @@ import numpy as np
 from snakegen import __version__
 from snakegen.analysis import catalogue
 from snakegen.errors import AnalysisError
-from snakegen.files import check_writable, writing
+from snakegen.files import check_writable, require_suffix, writing
 from snakegen.geometry import Floats, rpy_from_rotation
 from snakegen.posture import angles_by_name
 from snakegen.robot import Robot
 
+MARKDOWN = (".md", ".markdown")
 _SHOWN = 8  # rows of an analysis on the one-screen page
 
 
@@ -123,10 +124,11 @@ def write_markdown(page: Page, path: Path) -> None:
     """Writes the page as Markdown, its plots as PNG files beside it; all of them or none.
 
     Raises:
-        SnakegenError: the folder cannot be made or written.
+        SnakegenError: no Markdown suffix, or the folder cannot be made or written.
     """
     from snakegen.report_plots import plots
 
+    require_suffix(path, *MARKDOWN)
     check_writable(path)
     with writing(path.parent):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -123,6 +123,23 @@ def test_json_is_json_alone(run) -> None:
     assert one["analysis"] == "actuation"
 
 
+@pytest.mark.parametrize(
+    ("arguments", "suffix"),
+    [
+        (("grasper3", "--report", "rep.pdf"), ".md"),
+        (("grasper3", "--report", "rep"), ".md"),
+        (("grasper3", "--report", "rep.html.txt"), ".md"),
+        (("motion", "grasper3", "--motion", "m.yaml", "--table", "t.xlsx"), ".csv"),
+        (("cables", "arm6", "--mjcf", "c.urdf"), ".xml"),
+    ],
+)
+def test_a_suffix_of_another_format_is_refused(run, arguments, suffix) -> None:
+    """One line, no file: Markdown in a .pdf is neither."""
+    ran = run("analyze", *arguments)
+    assert ran.code == 1 and ran.err.startswith("Error: ") and len(ran.err.splitlines()) == 1
+    assert suffix in ran.err and not list(Path().iterdir())
+
+
 def test_report_is_the_default(run) -> None:
     """`analyze ROBOT` is `analyze report ROBOT`; a URDF and a spec are read as a preset is."""
     short = run("analyze", "grasper3")

@@ -81,6 +81,23 @@ def test_power_is_the_rate_of_energy(arm):
     assert abs(work) > 0.1
 
 
+def test_joints_that_brake_feed_no_others(arm):
+    """The supply gives the positive parts alone; the signed sum returns to nothing."""
+    found = analysis.analyze(arm, np.zeros(12), rate=200.0)
+    along, data = found.along, arm.model.createData()
+    gravity, arm.model.gravity.linear = arm.model.gravity.linear.copy(), np.zeros(3)
+    states = zip(along.angles, along.rates, along.accelerations, strict=True)
+    each = np.array([v * pin.rnea(arm.model, data, q, v, a) for q, v, a in states])
+    arm.model.gravity.linear = gravity
+    supply, net = np.maximum(each, 0.0).sum(axis=1), each.sum(axis=1)
+    out = found.to_json()
+    assert out["power_supply_max_W"] == pytest.approx(supply.max(), rel=1e-9)
+    assert out["work_supply_J"] == pytest.approx(np.trapezoid(supply, along.time), rel=1e-9)
+    assert out["work_net_J"] == pytest.approx(np.trapezoid(net, along.time), abs=1e-9)
+    assert out["work_supply_J"] > 9.0 and abs(out["work_net_J"]) < 0.01
+    assert out["power_supply_max_W"] > 2.0 * out["power_max_W"]
+
+
 def test_functions_give_what_sines_give(arm):
     signs = dict(zip(arm.chain_joints, SIGNS, strict=True))
     f = {n: (lambda t, s=s: 0.2 * s * np.sin(np.pi * t)) for n, s in signs.items()}

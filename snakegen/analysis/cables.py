@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
+from snakegen.files import require_suffix
 from snakegen.geometry import Floats
 from snakegen.kernels.cables import back_substitute, balance, lengths_and_rates
 from snakegen.kinetostatics.cabled import HELD_ACCELERATION, HELD_DRIFT, Held, hold_in_mujoco
@@ -169,6 +170,8 @@ def analyze(
     """
     if not applies(robot):
         raise AnalysisError(f"{robot.name} is not an arm on a fixed base: cables are for those.")
+    if mjcf is not None:
+        require_suffix(mjcf, ".xml")
     most = _most(maximum)
     if not 0 <= minimum <= most or not np.isfinite(minimum):
         raise AnalysisError(f"tensions {minimum:g} … {most:g} N are no range above 0.")

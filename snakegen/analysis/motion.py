@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
-from snakegen.files import write_atomically
+from snakegen.files import require_suffix, write_atomically
 from snakegen.geometry import Floats
 from snakegen.kernels.dynamics import DEPTHS, TERMS
 from snakegen.kinetostatics.along import Along, torques_along
@@ -86,8 +86,13 @@ class MotionResult:
 
     @property
     def power(self) -> Floats:
-        """Mechanical power τ q̇ (m, k) W."""
+        """Mechanical power τ q̇ (m, k) W; negative where a joint brakes."""
         return self.torque * self.along.rates
+
+    @property
+    def supply(self) -> Floats:
+        """Power that the supply gives (m,) W where no joint feeds back: Σ max(τ q̇, 0)."""
+        return np.asarray(np.maximum(self.power, 0.0).sum(axis=1))
 
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people: the whole, then joint by joint."""
@@ -105,8 +110,11 @@ class MotionResult:
         part = self.depth_peaks["quasi_static"].max() / max(self.depth_peaks["full"].max(), 1e-300)
         if self.terms == "full" and np.any(self.depth_peaks["full"]):
             out.append(("the paper's eq 24", f"gives {100 * part:.3g} % of the highest peak"))
-        total = self.power.sum(axis=1)
-        out.append(("power", f"{np.abs(total).max():.3g} W at most, all joints together"))
+        time, total = self.along.time, self.power.sum(axis=1)
+        work, net = np.trapezoid(self.supply, time), np.trapezoid(total, time)
+        out.append(("power", f"{self.supply.max():.3g} W at most, {work:.3g} J, all joints"))
+        fed = f"{total.max():.3g} W at most, {net:.3g} J, if braking joints feed the others"
+        out.append(("", fed))
         weak = [
             n for n, p, m in zip(self.along.joints, self.peak, self.limit, strict=True) if p > m
         ]
@@ -160,6 +168,9 @@ class MotionResult:
             "peak_rate_rad_s": by_joint(fastest),
             "rate_use": by_joint(fastest / self.speed_limit),
             "power_max_W": float(np.abs(total).max()),
+            "power_supply_max_W": float(self.supply.max()),
+            "work_supply_J": float(np.trapezoid(self.supply, self.along.time)),
+            "work_net_J": float(np.trapezoid(total, self.along.time)),
             "work_absolute_J": float(np.trapezoid(np.abs(self.power).sum(axis=1), self.along.time)),
             "depth_peaks_Nm": {k: by_joint(v) for k, v in self.depth_peaks.items()},
             "share": self.share,
@@ -208,6 +219,8 @@ def analyze(
         raise AnalysisError(f"{robot.name} is no arm on a fixed base: its motions are flights.")
     if terms not in DEPTHS:
         raise AnalysisError(f"terms: '{terms}' is none of {', '.join(DEPTHS)}.")
+    if table is not None:
+        require_suffix(table, ".csv")
     q = robot.check_q(q)
     names = robot.chain_joints
     start = robot.angles(q)[[robot.joint_names.index(n) for n in names]]
