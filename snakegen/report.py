@@ -18,6 +18,7 @@ from snakegen.files import check_writable, require_suffix, writing
 from snakegen.geometry import Floats, rpy_from_rotation
 from snakegen.posture import angles_by_name
 from snakegen.robot import Robot
+from snakegen.rounding import rounded
 
 MARKDOWN = (".md", ".markdown")
 _SHOWN = 8  # rows of an analysis on the one-screen page
@@ -66,7 +67,10 @@ def plain(value: Any) -> Any:
 
 
 def to_json(page: Page) -> dict[str, Any]:
-    """Returns the page as plain data: robot, posture, and each analysis under its command."""
+    """Returns the page as plain data: robot, posture, and each analysis under its command.
+
+    Numbers have ten digits of the largest of their list: those that no processor changes.
+    """
     robot = page.robot
     base, _ = robot.base_pose(page.q)
     posture: dict[str, Any] = angles_by_name(robot, page.q)
@@ -78,7 +82,8 @@ def to_json(page: Page) -> dict[str, Any]:
         "urdf_sha256": robot.urdf_hash,
         "posture_rad": posture,
     }
-    return out | {name: result.to_json() for name, result in page.results.items()}
+    found = {name: plain(result.to_json()) for name, result in page.results.items()}
+    return dict(rounded(plain(out) | found))
 
 
 def text_table(title: str, rows: list[tuple[str, str]], width: int = 100) -> str:

@@ -1,9 +1,11 @@
 """Directions in words: which motion a twist is, seen from the root link's axes."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from snakegen.geometry import Floats
 
+_PURE = 1e-9  # share of rotation below which a motion is a translation
 _NAMES = (
     ("surge (along the root link)", "sway (sideways)", "heave (up and down)"),
     ("roll", "pitch", "yaw"),
@@ -46,8 +48,7 @@ def motion(twist: Floats, lever: float, points: Floats) -> str:
     else:
         words = _named(axis, 1)
         if np.linalg.norm(through) > 1e-3 * lever:
-            x, y, z = through
-            words += f" about a line {x:+.2f} {y:+.2f} {z:+.2f} m from the CoG"
+            words += f" about a line {components(through)} m from the CoG"
     if abs(pitch) > 1e-3 * lever:
         words += f", with {pitch:+.3f} m of translation per radian"
     return words
@@ -56,32 +57,65 @@ def motion(twist: Floats, lever: float, points: Floats) -> str:
 def motions(twists: Floats, lever: float, points: Floats) -> tuple[str, ...]:
     """Returns in words a basis of motions, the columns of `twists` (6, k); pure pairs get one name.
 
-    The columns are first turned so that as many as possible are pure translations.
+    The basis has as many pure translations as possible. It depends on the space that the columns
+    span, not on the columns: where several bases would do, axes of the root link come first.
     """
     if twists.shape[1] == 0:
         return ()
-    _, sigma, rows = np.linalg.svd(twists[3:] * lever)
-    turned = twists @ rows.T
+    scaled = np.vstack([twists[:3], twists[3:] * lever])
+    columns, _, _ = np.linalg.svd(scaled, full_matrices=False)
+    _, sigma, rows = np.linalg.svd(columns[3:])
+    turned = columns @ rows.T
     size = np.zeros(turned.shape[1])
     size[: sigma.size] = sigma
-    turned[3:, size < 1e-9] = 0.0
-    shifts = turned[:3, size < 1e-9]
-    out = [motion(turned[:, k], lever, points) for k in np.flatnonzero(size >= 1e-9)]
+    turned[3:, size < _PURE] = 0.0
+    out, first = [], 0
+    while first < size.size and size[first] >= _PURE:
+        alike = int(np.sum(np.abs(size - size[first]) < 1e-6))
+        for column in canonical_basis(turned[:, first : first + alike], (3, 4, 5)).T:
+            out.append(motion(np.append(column[:3], column[3:] / lever), lever, points))
+        first += alike
+    shifts = turned[:3, first:]
     if shifts.shape[1] == 2:
-        across = np.cross(shifts[:, 0], shifts[:, 1])
-        x, y, z = across / np.linalg.norm(across) * (-1.0 if across[2] < 0 else 1.0)
-        out.append(f"translation across ({x:+.2f} {y:+.2f} {z:+.2f})")
+        across = np.cross(shifts[:, 0], shifts[:, 1])[:, None]
+        out.append(f"translation across ({components(canonical_basis(across, (2, 1, 0))[:, 0])})")
     elif shifts.shape[1] == 3:
         out.append("every translation")
-    else:
-        out += [motion(turned[:, k], lever, points) for k in np.flatnonzero(size < 1e-9)]
+    elif shifts.shape[1] == 1:
+        shift = canonical_basis(shifts, (0, 1, 2))[:, 0]
+        out.append(motion(np.append(shift, np.zeros(3)), lever, points))
     return tuple(out)
 
 
+def canonical_basis(columns: Floats, axes: tuple[int, ...]) -> Floats:
+    """Returns the orthonormal basis of a space that lies nearest to coordinate axes, (n, k).
+
+    Axis by axis, the one with the longest projection into what is left of the space; of equals
+    (to 1e-6) the first of `axes`. The result does not depend on which basis `columns` (n, k) is.
+    """
+    basis, sigma, _ = np.linalg.svd(columns, full_matrices=False)
+    basis = basis[:, sigma > 1e-9 * sigma[0]]
+    projector = basis @ basis.T
+    out = []
+    for _ in range(basis.shape[1]):
+        length = np.diag(projector)[list(axes)]
+        axis = axes[int(np.flatnonzero(length > length.max() - 1e-6)[0])]
+        if projector[axis, axis] <= 1e-12:  # `axes` see nothing of what is left
+            axis = int(np.argmax(np.diag(projector)))
+        out.append(projector[:, axis] / np.sqrt(projector[axis, axis]))
+        projector = projector - np.outer(out[-1], out[-1])
+    return np.array(out).T
+
+
+def components(vector: ArrayLike, digits: int = 2) -> str:
+    """Returns ``+0.15 -0.02 +0.99``; rounding first to 1e-9 makes ties and signs of zero equal."""
+    values = (round(round(float(x), 9), digits) + 0.0 for x in np.asarray(vector))
+    return " ".join(f"{x:+.{digits}f}" for x in values)
+
+
 def _named(direction: Floats, kind: int) -> str:
-    i = int(np.argmax(np.abs(direction)))
+    i = int(np.argmax(np.abs(direction).round(9)))
     if abs(direction[i]) > 0.9962:  # within 5°
         return _NAMES[kind][i]
     what = ("motion along", "rotation about")[kind]
-    x, y, z = direction
-    return f"{what} ({x:+.2f} {y:+.2f} {z:+.2f}) of the root link"
+    return f"{what} ({components(direction)}) of the root link"

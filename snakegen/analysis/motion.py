@@ -20,6 +20,7 @@ from snakegen.kinetostatics.law import DOWN, Depth, Wrenches
 from snakegen.kinetostatics.motion import Motion
 from snakegen.kinetostatics.motion_files import motion_of
 from snakegen.robot import Robot
+from snakegen.rounding import significant
 
 COMMAND = "motion"
 ORDER = 65
@@ -272,7 +273,7 @@ def _hardest(use: Floats) -> list[int]:
     """Returns all joints in chain order, or the hardest of many, hardest first."""
     if len(use) <= _SHOWN:
         return list(range(len(use)))
-    return [int(i) for i in np.argsort(-use, kind="stable")[:_SHOWN]]
+    return [int(i) for i in np.argsort(-significant(use), kind="stable")[:_SHOWN]]
 
 
 def _mean(time: Floats, values: Floats) -> Floats:

@@ -25,6 +25,7 @@ from snakegen.kinetostatics.support import hold_up
 from snakegen.kinetostatics.tip import TipLoad, find_tip, plain, tip_load, tip_pose
 from snakegen.kinetostatics.worst import worst_posture
 from snakegen.robot import Robot
+from snakegen.rounding import significant
 
 __all__ = ["StaticsResult", "analyze", "applies", "joint_torques", "twist_matrix", "worst_posture"]
 
@@ -128,7 +129,7 @@ class StaticsResult:
     def _joint_rows(self) -> list[tuple[str, str]]:
         """Returns a row a joint, hardest first."""
         loaded = np.flatnonzero(self.use > 1e-9)
-        order = loaded[np.argsort(-self.use[loaded], kind="stable")]
+        order = loaded[np.argsort(-significant(self.use[loaded]), kind="stable")]
         out = []
         for i in order[:_SHOWN]:
             what = f"{self.torque[i]:+.4g} N·m of {self.limit[i]:.4g} ({100 * self.use[i]:.3g} %)"

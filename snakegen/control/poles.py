@@ -217,9 +217,10 @@ def _cascade(
 
 
 def _poles(system: Polynomial) -> NDComplex:
-    """Returns the roots, slowest first."""
+    """Returns the roots, slowest first; of a pair the one with positive imaginary part first."""
     roots = system.roots().astype(complex)
-    return np.asarray(roots[np.argsort(-roots.real)])
+    real = np.array([float(f"{x:.6g}") for x in roots.real])  # roots of a pair tie
+    return np.asarray(roots[np.lexsort([-roots.imag, -real])])
 
 
 def _delay_margin(system: System, delay: float) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from snakegen.geometry import Floats, quaternion_xyzw, wxyz_from_xyzw
 from snakegen.modules import Modules
+from snakegen.rounding import significant
 
 GRAVITY = 9.81
 _DENSE_BELOW = 60  # degrees of freedom: small models solve faster with a dense Jacobian
@@ -110,6 +111,7 @@ def _keyframes(
         low = lowest_point(model, data)
         floor[2] = model.qpos0[2] - (low if np.isfinite(low) else 0.0)
         home[2] = floor[2] if modules.screws and not rotors else 1.0
+    home, floor, thrust = significant(home), significant(floor), significant(thrust)
     act = thrust[[i for i in range(model.nu) if model.actuator_dyntype[i]]]
     spec.add_key(name="home", qpos=home, ctrl=thrust, act=act)
     spec.add_key(name="floor", qpos=floor)

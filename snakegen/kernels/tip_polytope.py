@@ -46,7 +46,8 @@ def inscribed(J: Floats, torque: Floats, limit: Floats) -> tuple[float, int, Flo
         return np.inf, -1, np.zeros(len(J))
     with np.errstate(divide="ignore", invalid="ignore"):
         radius = np.where(moved, (limit - np.abs(torque)) / norms, np.inf)
-    i = int(np.argmin(radius))
+    lowest = float(np.min(radius))  # of equals the first: rounding does not choose the joint
+    i = int(np.flatnonzero(radius <= lowest + 1e-9 * abs(lowest))[0])
     sign = -1.0 if torque[i] > 0 else 1.0
     return float(radius[i]), i, sign * J[:, i] / norms[i]
 

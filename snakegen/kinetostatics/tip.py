@@ -12,6 +12,8 @@ from snakegen.kernels import tip_polytope
 from snakegen.kernels.twist import tip_jacobian
 from snakegen.kinetostatics.law import finite
 from snakegen.robot import GRAVITY, Robot
+from snakegen.rounding import in_order
+from snakegen.words import canonical_basis
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,12 @@ def tip_pose(robot: Robot, q: ArrayLike, tip: Tip) -> TipPose:
     return TipPose(*tip_jacobian(robot.tree, base, robot.angles(q), tip.body, tip.point))
 
 
+def _canonical(corners: Floats, free: Floats) -> tuple[Floats, Floats]:
+    """Returns corners (c, 3) and free directions (3, f) in an order that no processor changes."""
+    basis = canonical_basis(free, (0, 1, 2)) if free.size else free
+    return in_order(corners), basis
+
+
 def tip_load(
     robot: Robot,
     q: ArrayLike,
@@ -186,8 +194,8 @@ def tip_load(
     radius, joint, worst = tip_polytope.inscribed(linear, torque, limit)
     twist_radius = tip_polytope.inscribed(angular, torque, limit)[0]
     both = np.kron(np.eye(3), np.array([[1.0], [-1.0]]))
-    points, free = tip_polytope.corners(linear, torque, limit)
-    twists, blind = tip_polytope.corners(angular, torque, limit)
+    points, free = _canonical(*tip_polytope.corners(linear, torque, limit))
+    twists, blind = _canonical(*tip_polytope.corners(angular, torque, limit))
     lever = robot.link_length
     whole, last, _ = tip_polytope.inscribed(np.vstack([linear, angular * lever]), torque, limit)
     pull = tip_polytope.capacity(linear, torque, limit, (u / np.linalg.norm(u))[None])[0]

@@ -20,6 +20,7 @@ from snakegen.kinetostatics.support import Hold, hold_up
 from snakegen.kinetostatics.worst_bound import use_bound
 from snakegen.posture import angles_by_name, hover_gimbals, set_angle
 from snakegen.robot import Robot
+from snakegen.rounding import least
 
 
 @dataclass(frozen=True)
@@ -175,7 +176,7 @@ def worst_posture(
         "support": kind,
         "use": found.value,
         "use_bound": bound,
-        "joint": names[int(np.argmax(use))],
+        "joint": names[least(-use)],
         "starts": found.starts,
         "agreeing": found.agreeing,
         "evaluations": found.evaluations,

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from snakegen.margins import inputs
 from snakegen.margins.quadric import leaves_ball, leaves_plane
 from snakegen.margins.rays import Bounds
+from snakegen.rounding import least
 
 Floats = NDArray[np.float64]
 SLICES = {"wrench": slice(0, 6), "force": slice(0, 3), "torque": slice(3, 6)}
@@ -94,7 +95,7 @@ def _least(exits: list[Floats], missed: float, part: slice, unit: Floats) -> All
         return AllocatorMargin(float("nan"), push, int(np.argmax(np.isnan(reach))))
     if missed > LOST:
         return AllocatorMargin(0.0, push, -1)
-    first = int(np.argmin(reach))
+    first = least(reach)
     value = float(reach[first])
     if 0.0 < value < np.inf:
         push = np.zeros(6)

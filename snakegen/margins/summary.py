@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.margins.push_margin import LABELS, PushMargins
+from snakegen.words import components
 
 OUT_OF_REACH = "hover is out of reach"
 _MODES = {"virtual_single_rotor": "virtual-single-rotor", "dual_rotor": "dual-rotor"}
@@ -191,9 +192,9 @@ def _why(name: str, weakest: Weakest) -> str:
     unit = ("", "") if name in ("force", "torque") else (" N", " N m")
     parts = []
     if name in ("force", "wrench", "attitude_altitude") and np.any(f):
-        parts.append("force {:+.2f} {:+.2f} {:+.2f}".format(*f) + unit[0])
+        parts.append(f"force {components(f)}{unit[0]}")
     if name != "force" and np.any(t):
-        parts.append("torque {:+.2f} {:+.2f} {:+.2f}".format(*t) + unit[1])
+        parts.append(f"torque {components(t)}{unit[1]}")
     where = f"{_NAMES.get(name, name)} weakest along {', '.join(parts)}"
     if not weakest.full and not weakest.idle:
         return f"{where}: no thrust acts that way alone"
