@@ -25,7 +25,7 @@ def significant(values: ArrayLike, digits: int = 9) -> Floats:
     if largest == 0.0:
         return out + 0.0
     decimals = digits - 1 - int(np.floor(np.log10(largest)))
-    return np.round(np.round(out, decimals + _NOISE), decimals) + 0.0
+    return np.asarray(np.round(np.round(out, decimals + _NOISE), decimals) + 0.0, float)
 
 
 def rounded(value: Any, digits: int = 10) -> Any:
