@@ -24,7 +24,23 @@ _LENGTHS = {
 def warnings(spec: "RobotSpec") -> tuple[str, ...]:
     """Returns what a spec allows and its maker should know."""
     resolved = spec.resolved()
-    return (*_sizes(resolved), *_apparatuses(resolved), *_screws(spec, resolved))
+    return (
+        *_scaled(spec, resolved),
+        *_sizes(resolved),
+        *_apparatuses(resolved),
+        *_screws(spec, resolved),
+    )
+
+
+def _scaled(spec: "RobotSpec", resolved: dict[str, Any]) -> list[str]:
+    """Returns a note of each inertia that follows the masses and sizes set over a file's."""
+    out = []
+    for field in spec.scaled:
+        section, name = field.split(".")
+        first = next(row for row in resolved[section][name] if row is not None)
+        row = ", ".join(f"{x:.4g}" for x in first)
+        out.append(f"{field}: scaled with mass and size of that body, to [{row}] kg m²")
+    return out
 
 
 def _sizes(resolved: dict[str, Any]) -> list[str]:

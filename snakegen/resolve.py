@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from snakegen import inertia, payload_mesh
 from snakegen.errors import SpecError
 from snakegen.filtering import rate_filter
+from snakegen.inertia_limits import refuse_excess
 from snakegen.places import Part, spell_out, spread
 from snakegen.wheel_layout import wheel_layout
 
@@ -52,10 +53,9 @@ def resolve(spec: "RobotSpec") -> dict[str, Any]:
         out["caster"] |= _casters(spec.caster, n, spec.screw_drive)
     if spec.payload is not None:
         out["payload"] |= _payload(spec.payload, n, spec.folder)
+    refuse_excess(out)
     for name, part in spec:
-        if isinstance(
-            part, Part
-        ):  # in the grammar's order, so that resolving again changes nothing
+        if isinstance(part, Part):  # in the grammar's order: resolving again changes nothing
             known = out[name]
             out[name] = {k: known[k] for k in type(part).model_fields if k in known}
     return out

@@ -265,6 +265,11 @@ class RobotSpec(Part):
         """The folder that file names in the spec start from; no field, so no part of equality."""
         return Path()
 
+    @cached_property
+    def scaled(self) -> tuple[str, ...]:
+        """Inertias that follow masses and sizes set over a file's; no field either."""
+        return ()
+
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> "RobotSpec":
         from snakegen.resolve import resolve

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from snakegen import stretch, yaml_file
 from snakegen.errors import SpecError, near
+from snakegen.inertia_scaling import scale_inertias
 from snakegen.spec import RobotSpec
 
 
@@ -64,8 +65,11 @@ def load_spec(
         _put(data, path.strip().split("."), value, label)
     if links is not None and isinstance(before, int) and links != before:
         stretch.refuse_lists(data, before, links, label)
+    scaled = scale_inertias(given, data, _defaults(), options)
     try:
-        return _checked(data, folder)
+        spec = _checked(data, folder)
+        spec.__dict__["scaled"] = tuple(scaled)
+        return spec
     except ValidationError as error:
         options = options if _is_valid(given, folder) else {}
         raise SpecError(_explain(error, data, label, options)) from None
@@ -85,6 +89,17 @@ def validate(data: Any, label: str, folder: Path = Path()) -> RobotSpec:
         return _checked(data, folder)
     except ValidationError as error:
         raise SpecError(_explain(error, data, label, {})) from None
+
+
+def _defaults() -> dict[str, dict[str, Any]]:
+    """Returns the default values of the fields of each section."""
+    out = {}
+    for name, field in RobotSpec.model_fields.items():
+        section = next(_sections(field.annotation), None)
+        if section is not None:
+            fields = section.model_fields.items()
+            out[name] = {k: None if f.is_required() else f.default for k, f in fields}
+    return out
 
 
 def _checked(data: dict[str, Any], folder: Path) -> RobotSpec:

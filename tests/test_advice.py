@@ -24,7 +24,8 @@ def test_apparatuses_that_overlap_are_named() -> None:
 
 def test_too_heavy_says_both_forces_and_they_are_the_robots() -> None:
     spec = load_spec("dragon4", overrides=["chain.mass=5"])
-    (found,) = warnings(spec)
+    scaled, found = warnings(spec)
+    assert scaled.startswith("chain.inertia: scaled")
     robot = load(spec)
     assert f"{robot.mass * 9.81:.1f} N of weight" in found
     assert f"{robot.rotors.thrust_max.sum():.1f} N of thrust" in found
