@@ -183,3 +183,23 @@ def test_the_ball_in_a_body_of_four_dimensions():
     assert inner_ball_of(support, 3, 1e-3)[1] == pytest.approx(
         inner_ball(support, 1e-3)[1], rel=1e-3
     )
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_the_ball_in_a_parallelepiped_or_a_flat_body(flat):
+    """Its corners along the axes may span less than the body does."""
+    edges = np.array([[1.0, 1.0, 0, 0], [0, 1.0, 1.0, 0], [0, 0, 1.0, 1.0], [1.0, 0, 0, -1.0]])
+    edges = edges @ np.diag([1.0, 0.7, 1.3, 0.9])
+    edges[3] = edges[0] if flat else edges[3] + [0, 0.5, 0, 0]
+
+    def support(e):
+        along = edges @ e
+        return np.abs(along).sum(), np.where(along >= 0, 1.0, -1.0) @ edges
+
+    low, high, _ = inner_ball_of(support, 4, 1e-6)
+    if flat:
+        assert low == -np.inf
+        return
+    normals = np.linalg.inv(edges)  # columns: x @ normals is within ±1
+    radius = np.min(1.0 / np.linalg.norm(normals, axis=0))
+    assert low == pytest.approx(radius, rel=1e-6) and high == pytest.approx(radius, rel=1e-6)

@@ -8,12 +8,13 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull
 
 from snakegen.kernels.sandwich import insert, simplex
 
 Floats = NDArray[np.float64]
 Support = Callable[[Floats], tuple[float, Floats]]
+FLAT = 1e-9  # share of the widest extent below which a body has none
 
 
 def inner_ball(support: Support, tolerance: float, most: int = 300) -> tuple[float, float, Floats]:
@@ -65,32 +66,38 @@ def inner_ball_of(
 ) -> tuple[float, float, Floats]:
     """Returns (lower, upper, direction) as `inner_ball`, for a body of any dimension `size`.
 
-    The polytope grows by Qhull, a point at a time.
+    Qhull joggles the points by rounding, since facets of these bodies meet in many of them.
     """
-    points, upper, worst = [], np.inf, np.zeros(size)
-    for e in np.vstack([np.eye(size), -np.eye(size)]):
+    points: list[Floats] = []
+    lower, upper, worst = -np.inf, np.inf, np.zeros(size)
+    tried, rank = [*np.eye(size), *-np.eye(size)], 0
+    while len(points) < most:
+        if not tried:
+            _, spread, axes = np.linalg.svd(points - np.mean(points, axis=0))
+            extent = int(np.sum(spread > FLAT * spread[0]))
+            if extent < size:  # of the points so far: looks across them
+                if extent == rank:
+                    return -np.inf, upper, worst
+                tried, rank = [axes[-1], -axes[-1]], extent
+            else:
+                planes = ConvexHull(points, qhull_options="QJ").equations
+                weakest = int(np.argmax(planes[:, -1]))
+                tried, lower = [planes[weakest, :-1]], -float(planes[weakest, -1])
+                if upper - lower <= tolerance * upper:
+                    break
+        e, flat = tried.pop(0), len(tried) > 0
         above, point = support(e)
+        if above < upper:
+            upper, worst = above, e
+        if upper < 0.0:
+            return np.nan, upper, worst
+        if not flat and len(points) >= 2 * size and _passes(points, point, e):
+            break
         points.append(point)
-        if above < upper:
-            upper, worst = above, e
-        if upper < 0.0:
-            return np.nan, upper, worst
-    try:
-        hull = ConvexHull(points, incremental=True)
-    except QhullError:
-        return -np.inf, upper, worst
-    lower = -np.inf
-    for _ in range(2 * size, most):
-        weakest = int(np.argmax(hull.equations[:, -1]))
-        e, lower = hull.equations[weakest, :-1].copy(), -float(hull.equations[weakest, -1])
-        if upper - lower <= tolerance * upper:
-            break
-        above, point = support(e)
-        if above < upper:
-            upper, worst = above, e
-        if upper < 0.0:
-            return np.nan, upper, worst
-        if point @ e - lower <= 1e-12 * np.abs(point).max():
-            break
-        hull.add_points(point[None])
-    return max(lower, 0.0), upper, worst
+    return (max(lower, 0.0) if np.isfinite(lower) else lower), upper, worst
+
+
+def _passes(points: list[Floats], point: Floats, e: Floats) -> bool:
+    """Tells whether a point goes no farther along e than those before."""
+    reach = max(float(p @ e) for p in points)
+    return float(point @ e) - reach <= 1e-10 * float(np.abs(point).max())
