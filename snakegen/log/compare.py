@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from snakegen.errors import LogError, SnakegenError
 from snakegen.log.read import read
 from snakegen.verify.metrics import metrics
 from snakegen.verify.recording import Recording
@@ -70,6 +71,19 @@ def inspect(path: str | Path) -> Inspection:
         LogError: as `read`.
     """
     recording = read(path)
+    try:
+        return _inspection(recording)
+    # a header from elsewhere may name channels and limits that do not fit one another
+    except (
+        KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError, SnakegenError,
+    ) as error:  # fmt: skip
+        reason = " ".join(str(error).split())[:200]
+        raise LogError(
+            f"{path}: its channels give no metrics ({type(error).__name__}: {reason})"
+        ) from None
+
+
+def _inspection(recording: Recording) -> Inspection:
     again = metrics(recording)
     stated = recording.metrics
     # A loop may state more than the samples can show (a ratio to a prediction): these stay.

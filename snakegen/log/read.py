@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from snakegen.errors import LogError
-from snakegen.log.store import decode
-from snakegen.log.write import ENTITY
+from snakegen.log.checksum import is_sealed
+from snakegen.log.store import decode, format_of
+from snakegen.log.write import ENTITY, identity
 from snakegen.verify.recording import Recording
 
 
@@ -25,31 +26,44 @@ def read(path: str | Path) -> Recording:
         magic = file.read(4)
     if magic not in (b"RRF2", b"RRIO"):
         raise LogError(f"{path} is not a rerun log (.rrd)")
-    header, files = _stored(path)
+    sealed = is_sealed(path)
+    header, files, stated = _stored(path)
     try:
+        if not sealed and format_of(header) > 1:
+            raise LogError("its checksum is missing")
+        if stated != identity(header):
+            raise LogError("its header has changed since it was written")
         return decode(header, files)
     except LogError as error:
         raise LogError(f"{path} cannot be read: {error}") from None
 
 
-def _stored(path: Path) -> tuple[str, list[bytes]]:
+def _stored(path: Path) -> tuple[str, list[bytes], str]:
+    """Returns header, Parquet files and the recording's id."""
     from rerun.chunk import RrdReader
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a missing end is said in the error below
-            chunks = list(RrdReader(path).store().stream())
-    # rerun raises what its decoder meets: any of it means that the file is not whole.
-    except Exception as error:
+            reader = RrdReader(path)
+            stated = [entry.recording_id for entry in reader.recordings()]
+            chunks = list(reader.store().stream())
+    # rerun raises what its decoder meets, even its own panics: the file is not whole.
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt | SystemExit | MemoryError):
+            raise
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         if "without footer" in reason:  # rerun takes it for a file of an old version
             reason = "its end is missing"
         raise LogError(f"{path} is cut short or damaged: {reason}") from None
     for chunk in chunks:
         if chunk.entity_path.strip("/") == ENTITY:
-            found = _components(chunk.to_record_batch())
+            try:
+                found = _components(chunk.to_record_batch())
+            except (TypeError, IndexError, ValueError) as error:
+                raise LogError(f"{path} is cut short or damaged: {error}") from None
             if found is not None:
-                return found
+                return *found, stated[0]
     raise LogError(f"{path} is a rerun log, but snakegen did not write it")
 
 

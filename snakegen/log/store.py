@@ -10,17 +10,19 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+from math import isfinite
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from snakegen.errors import LogError
+from snakegen.errors import AnalysisError, LogError
+from snakegen.memory import refuse_beyond
 from snakegen.verify.recording import Channel, Event, Recording
 from snakegen.verify.verdict import Verdict
 
 Floats = NDArray[np.float64]
-FORMAT = 1
+FORMAT = 2  # logs of format 1 have no checksum of the whole file
 
 
 def encode(recording: Recording) -> tuple[str, list[bytes]]:
@@ -66,34 +68,80 @@ def decode(header_text: str, files: list[bytes]) -> Recording:
     """Returns the recording that `encode` was given, bit for bit.
 
     Raises:
-        LogError: another format number, or samples that are not the ones that were written.
+        LogError: another format number, samples that are not the ones that were written, or a
+            header that is damaged or does not fit them.
     """
-    header = json.loads(header_text)
-    if header.get("format") != FORMAT:
-        raise LogError(f"log format {header.get('format')}; this snakegen reads format {FORMAT}")
-    if header["sha256"] != [hashlib.sha256(data).hexdigest() for data in files]:
-        raise LogError("its samples have changed since they were written")
-    tables = [_columns(data) for data in files]
+    import pyarrow as pa
+
+    try:
+        header = json.loads(header_text)
+        if header.get("format") not in range(1, FORMAT + 1):
+            raise LogError(
+                f"log format {header.get('format')}; this snakegen reads formats up to {FORMAT}"
+            )
+        if header["sha256"] != [hashlib.sha256(data).hexdigest() for data in files]:
+            raise LogError("its samples have changed since they were written")
+        return _recording(header, [_columns(data) for data in files])
+    except (
+        KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError, OSError,
+        pa.ArrowException, AnalysisError,
+    ) as error:  # fmt: skip
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise LogError(f"its header is damaged ({type(error).__name__}: {reason})") from None
+
+
+def format_of(header_text: str) -> int:
+    """Returns the format number of a header; 0 where it has none."""
+    try:
+        found = json.loads(header_text).get("format")
+    except (ValueError, AttributeError, RecursionError):
+        return 0
+    return found if isinstance(found, int) else 0
+
+
+def _recording(header: dict[str, Any], tables: list[dict[str, Floats]]) -> Recording:
+    """Returns the recording of a header and its tables; raises what a damaged header leads to."""
     channels = {}
     for name, c in header["channels"].items():
-        table = tables[c["axis"]]
+        table = tables[_index(c["axis"])]
         values = np.empty((len(table["time"]), len(c["columns"])))
         for j, column in enumerate(c["columns"]):
             values[:, j] = table[column]
         time = table["time"] if c["own_time"] else None
-        channels[name] = Channel(
-            values, c["unit"], tuple(c["labels"]), c["group"], c["meaning"], time
-        )
+        labels = tuple(_text(label) for label in c["labels"])
+        unit, group, meaning = (_text(c[key]) for key in ("unit", "group", "meaning"))
+        channels[name] = Channel(values, unit, labels, group, meaning, time)
     judged = header["verdict"]
+    for key in ("meta", "metrics"):
+        if not isinstance(header[key], dict):
+            raise TypeError(f"{key} is no mapping")
     return Recording(
-        time=tables[header["axis"]]["time"],
+        time=tables[_index(header["axis"])]["time"],
         channels=channels,
-        events=tuple(Event(*e) for e in header["events"]),
+        events=tuple(_event(*e) for e in header["events"]),
         meta=header["meta"],
-        report=header["report"],
+        report=_text(header["report"]),
         metrics=header["metrics"],
         verdict=None if judged is None else Verdict.from_json(judged),
     )
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
+    return value
+
+
+def _index(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise TypeError(f"{value!r} is no index")
+    return value
+
+
+def _event(time: Any, level: Any, text: Any) -> Event:
+    if isinstance(time, bool) or not isinstance(time, int | float) or not isfinite(time):
+        raise TypeError(f"{time!r} is no time")
+    return Event(float(time), _text(level), _text(text))
 
 
 def _axis_index(axes: list[Floats], time: Floats) -> int:
@@ -133,7 +181,14 @@ def _parquet(time: Floats, table: dict[str, Floats]) -> bytes:
 
 
 def _columns(data: bytes) -> dict[str, Floats]:
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    table = pq.read_table(io.BytesIO(data))
+    with pq.ParquetFile(io.BytesIO(data)) as file:
+        size = 8.0 * file.metadata.num_rows * file.metadata.num_columns
+        refuse_beyond(size, "its samples", "read it where there is more memory")
+        table = file.read()
+    for column in table.schema:
+        if column.type != pa.float64():
+            raise TypeError(f"column {column.name} holds {column.type}")
     return {name: table[name].to_numpy() for name in table.column_names}

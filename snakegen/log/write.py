@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import os
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from snakegen.errors import LogError
+from snakegen.errors import LogError, SnakegenError
+from snakegen.files import replace_whole
+from snakegen.log.checksum import placeholder, seal
 from snakegen.log.events import merged
 from snakegen.log.store import encode
 from snakegen.verify.recording import Recording
@@ -40,18 +42,35 @@ def write(recording: Recording, path: str | Path, *, mesh_folder: str | Path | N
         raise LogError(f"cannot write {path}: there is no folder {path.parent}")
     if path.is_dir():
         raise LogError(f"cannot write {path}: it is a folder")
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    folder = None if mesh_folder is None else Path(mesh_folder)
+    for _ in range(20):  # one time in some thirty the text is compressed
+        text = placeholder()
+        content = seal(_encoded(recording, folder, text), text)
+        if content is not None:
+            break
+    else:
+        raise LogError(f"cannot write {path}: rerun leaves no room for a checksum")
     try:
-        _write(recording, beside, None if mesh_folder is None else Path(mesh_folder))
-        beside.replace(path)
-    except OSError as error:
-        raise LogError(f"cannot write {path}: {error.strerror or error}") from None
-    finally:
-        beside.unlink(missing_ok=True)
+        replace_whole(path, partial(_put, content), sync=True)
+    except SnakegenError as error:
+        raise LogError(str(error)) from None
     return path
 
 
-def _write(recording: Recording, path: Path, mesh_folder: Path | None) -> None:
+def _put(content: bytes, path: Path) -> None:
+    path.write_bytes(content)
+
+
+def identity(header: str) -> str:
+    """Returns the recording's id: the digest of its header, which holds the samples' digests.
+
+    Runs that share an id merge in the viewer; equal ids are equal runs.
+    """
+    return hashlib.sha256(header.encode()).hexdigest()[:32]
+
+
+def _encoded(recording: Recording, mesh_folder: Path | None, checksum: str) -> bytes:
+    """Returns the bytes of the log; rerun's own writer thread would hide a full disk."""
     import rerun as rr
 
     from snakegen.log.body import log_body
@@ -60,15 +79,16 @@ def _write(recording: Recording, path: Path, mesh_folder: Path | None) -> None:
     from snakegen.log.scene import scene
 
     header, files = encode(recording)
-    # Runs that share an id merge in the viewer. The header holds the samples' digests: equal
-    # ids are equal runs.
-    identity = hashlib.sha256(header.encode()).hexdigest()[:32]
-    rec = rr.RecordingStream(APPLICATION, recording_id=identity)
+    rec = rr.RecordingStream(APPLICATION, recording_id=identity(header))
     view, shown = scene(recording), series(recording)
     strict = rr.strict_mode()
     try:
         rr.set_strict_mode(True)  # else a faulty column becomes a warning inside the log
-        rec.save(path, default_blueprint=blueprint(recording, view, shown))
+        stream = rr.binary_stream(rec)
+        layout = blueprint(recording, view, shown)
+        rec.send_blueprint(layout, make_active=False, make_default=True)
+        sealed = rr.DynamicArchetype(ARCHETYPE, components={"checksum": [checksum]})
+        rec.log("checksum", sealed, static=True)
         rec.send_recording_name(_title(recording))
         log_body(rec, recording, view, mesh_folder)
         log_plots(rec, shown)
@@ -80,10 +100,13 @@ def _write(recording: Recording, path: Path, mesh_folder: Path | None) -> None:
             ),
             static=True,
         )
-        rec.flush()
+        content = stream.read(flush=True)
     finally:
         rr.set_strict_mode(strict)
         rec.disconnect()
+    if content is None:
+        raise LogError("rerun returned no log")
+    return content
 
 
 def _log_texts(rec: Any, recording: Recording) -> None:
