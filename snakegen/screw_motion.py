@@ -106,23 +106,37 @@ def slip_sensitivity(
 
     Rates are worked out for `twist` [m/s, m/s, rad/s] with the wrong parameter, the motion with the
     right ones. A wrong r only changes the speed; a wrong α or length, with more than three units,
-    makes wheels fight. α and offset are changed on the first unit alone.
+    makes wheels fight. α and offset are changed on one unit, length on one link: the figure is that
+    of the unit or link with the largest slip.
     """
     g, more = geometry, 1 + error
+
+    def each(values: tuple[float, ...]) -> list[tuple[float, ...]]:
+        return [(*values[:i], x * more, *values[i + 1 :]) for i, x in enumerate(values)]
+
     wrong = {
-        "alpha": replace(g, alpha=(g.alpha[0] * more, *g.alpha[1:])),
-        "radius": replace(g, r=g.r * more),
-        "offset": replace(g, offset=(g.offset[0] * more, *g.offset[1:])),
-        "length": replace(g, lengths=tuple(length * more for length in g.lengths)),
+        "alpha": [replace(g, alpha=alpha) for alpha in each(g.alpha)],
+        "radius": [replace(g, r=g.r * more)],
+        "offset": [replace(g, offset=offset) for offset in each(g.offset)],
+        "length": [replace(g, lengths=lengths) for lengths in each(g.lengths)],
     }
     bent = np.asarray(shape, float)
     w = np.concatenate([np.zeros(3), bent])
-    found = {}
-    for name, believed in wrong.items():
+
+    def slip_of(believed: ScrewGeometry) -> float:
         rates = believed.rows(bent) @ np.asarray(twist, float) / believed.drive()
         slip = state_rate(w, np.concatenate([rates, np.zeros(bent.size)]), g)[1]
-        found[name] = float(np.sqrt(np.mean(slip**2)))
-    return found
+        return float(np.sqrt(np.mean(slip**2)))
+
+    return {name: max(map(slip_of, cases)) for name, cases in wrong.items()}
+
+
+def worst_slip_sensitivity(
+    geometry: ScrewGeometry, shapes: Sequence[ArrayLike], twist: ArrayLike
+) -> dict[str, float]:
+    """Returns the largest of `slip_sensitivity` over several shapes, by parameter [m/s]."""
+    found = [slip_sensitivity(geometry, shape, twist) for shape in shapes]
+    return {name: max(one[name] for one in found) for name in found[0]}
 
 
 @dataclass(frozen=True)
@@ -142,16 +156,31 @@ def path_demand(
     speed: float,
     screw_rate: float = math.inf,
     joint_rate: float = math.inf,
-    joint_limit: float = math.inf,
+    joint_limit: ArrayLike = math.inf,
+    names: Sequence[str] = (),
     spacing: float = 0.005,
 ) -> PathDemand:
     """Returns the peak rates and angles of follow-the-leader along `path` at `speed` [m/s].
 
     Sampled every `spacing` [m] from the head's start to the tail's leaving the path.
 
+    Args:
+        geometry: the drive.
+        path: what is followed.
+        speed: along it [m/s], positive: the head leads.
+        screw_rate, joint_rate: motor limits [rad/s].
+        joint_limit: of every |angle| [rad], or lower and upper limits (2, m - 1).
+        names: of the yaw joints, for messages.
+        spacing: of the samples [m].
+
     Raises:
-        AnalysisError: a joint would have to turn beyond `joint_limit`: says which, where, how far.
+        AnalysisError: a speed that is not positive; a joint would have to turn beyond its limit:
+            says which, where, how far.
     """
+    if not (math.isfinite(speed) and speed > 0):
+        raise AnalysisError(
+            f"speed {speed:g} m/s: follow-the-leader needs a positive speed, the head leads."
+        )
     pieces, links, n = path_pieces(path), geometry.arrays[3], geometry.units
     end = path_length(path) + float(links.sum())
     count = max(2, math.ceil(end / spacing) + 1)
@@ -163,19 +192,46 @@ def path_demand(
         states[k], slope = follow(pieces, s, links)
         rates[k] = np.concatenate([geometry.no_slip(states[k]) @ slope / factor, slope[3:]])
     rates *= speed
-    bend = np.abs(states[:, 3:])
-    if bend.max(initial=0.0) > joint_limit:
-        k, joint = divmod(int(bend.argmax()), bend.shape[1])
+    bend = states[:, 3:]
+    low, high = _both_limits(joint_limit, m - 1)
+    beyond = np.maximum(bend - high, low - bend)
+    if beyond.max(initial=-math.inf) > 0:
+        k, joint = divmod(int(beyond.argmax()), bend.shape[1])
+        name = names[joint] if joint < len(names) else f"yaw joint {joint + 1}"
+        least = max(following_radii(links, low, high))
         raise AnalysisError(
-            f"the path bends joint {joint + 1} to {math.degrees(bend.max()):.1f}° with the head at "
-            f"s = {grid[k]:.2f} m, but it turns {math.degrees(joint_limit):.1f}°; arcs of radius "
-            f"{following_radius(links, joint_limit):.3f} m or more can be followed."
+            f"the path bends {name} to {math.degrees(bend[k, joint]):.1f}° with the head at "
+            f"s = {grid[k]:.2f} m, but it turns {math.degrees(low[joint]):.1f} … "
+            f"{math.degrees(high[joint]):.1f}°; arcs of radius {least:.3f} m or more can be "
+            "followed."
         )
+    bend = np.abs(bend)
     screw = float(np.abs(rates[:, :n]).max())
     joint_peak = float(np.abs(rates[:, n:]).max(initial=0.0))
     room = [limit / peak for limit, peak in ((screw_rate, screw), (joint_rate, joint_peak)) if peak]
     fastest = speed * min(room, default=math.inf)
     return PathDemand(screw, joint_peak, float(bend.max(initial=0.0)), speed, fastest)
+
+
+def _both_limits(limit: ArrayLike, joints: int) -> tuple[Floats, Floats]:
+    """Returns lower and upper limits (m - 1,) [rad] of one largest |angle|, or of (2, m - 1)."""
+    given = np.asarray(limit, float)
+    if given.ndim == 0:
+        return np.full(joints, -given), np.full(joints, given)
+    return given[0], given[1]
+
+
+def following_radii(links: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> tuple[float, float]:
+    """Returns the smallest arc radii [m] that a chain follows to the left and to the right.
+
+    The body trails its head, so a left turn bends its joints to negative angles.
+    """
+    low, high = np.asarray(lower, float), np.asarray(upper, float)
+    if low.size == 0:
+        return math.inf, math.inf
+    sides = float((-low).min()), float(high.min())
+    left, right = (following_radius(links, side) if side > 0 else math.inf for side in sides)
+    return left, right
 
 
 def following_radius(links: ArrayLike, joint_limit: float) -> float:
@@ -228,10 +284,10 @@ def direction_cone(
         return DirectionCone(angle, np.where(enforced, screw_rate / peak, 0.0).astype(np.float64))
 
 
-def fixed_shape_radius(
+def fixed_shape_radii(
     geometry: ScrewGeometry, shape: ArrayLike, speed: float, screw_rate: float
-) -> float:
-    """Returns the smallest radius [m] of P's path at forward `speed` with the shape held.
+) -> tuple[float, float]:
+    """Returns the smallest radii [m] of P's path, left and right, at `speed`, the shape held.
 
     Forward is -x of P's axes (the body trails). Each screw allows ``|a_i v + b_i ω| ≤ |limit|``:
     an interval of ω; inf where P cannot turn at that speed, or the speed cannot be reached.
@@ -240,14 +296,15 @@ def fixed_shape_radius(
     limit = screw_rate * np.abs(geometry.drive())
     ahead, turn = -rows[:, 0] * speed, rows[:, 2]
     if np.linalg.matrix_rank(rows / [1, 1, geometry.scale], tol=1e-6) < 3:
-        return math.inf
+        return math.inf, math.inf
     if (np.abs(ahead) > limit).any():
-        return math.inf
+        return math.inf, math.inf
     moving = np.abs(turn) > 1e-12
     if not moving.any():
-        return 0.0
+        return 0.0, 0.0
     most = np.stack(
         [(limit - ahead)[moving] / turn[moving], (-limit - ahead)[moving] / turn[moving]]
     )
-    fastest = max(float(most.max(axis=0).min()), -float(most.min(axis=0).max()))
-    return speed / fastest if fastest > 0 else math.inf
+    sides = float(most.max(axis=0).min()), -float(most.min(axis=0).max())
+    left, right = (speed / fastest if fastest > 0 else math.inf for fastest in sides)
+    return left, right

@@ -78,6 +78,8 @@ class HoldSearch:
     singular: tuple[DriveHold, ...]  # distinct singular shapes, if any; often samples of a family
     certified: float | None  # σ₃ is proved to be at least this everywhere; None: search only
     boxes: int  # boxes the proof took
+    sampled: int = 0  # shapes tried
+    descended: int = 0  # of these, shapes that σ₃ was descended from
 
 
 def _slopes(geometry: ScrewGeometry) -> Floats:
@@ -157,7 +159,8 @@ def search_hold(
     holds = sorted((drive_hold(g, end) for end in ends), key=lambda hold: hold.sigma[-1])
     lost = _distinct([hold.shape for hold in holds if hold.rank < 3])
     if lost:
-        return HoldSearch(holds[0], tuple(drive_hold(g, shape) for shape in lost), None, 0)
+        found = tuple(drive_hold(g, shape) for shape in lost)
+        return HoldSearch(holds[0], found, None, 0, len(shapes), len(best))
     if n <= 4:
         bound = 0.5 * float(holds[0].sigma[-1])
         boxes = _prove(g, low, high, bound, budget)

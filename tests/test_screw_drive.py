@@ -36,12 +36,14 @@ from snakegen.robot import from_urdf_text
 from snakegen.screw_motion import (
     ScrewGeometry,
     direction_cone,
-    fixed_shape_radius,
+    fixed_shape_radii,
+    following_radii,
     following_radius,
     hara_chain,
     path_demand,
     slip_sensitivity,
     state_rate,
+    worst_slip_sensitivity,
 )
 from snakegen.screw_robot import drive_geometry
 from snakegen.screw_singularity import drive_hold, search_hold
@@ -439,6 +441,42 @@ def test_path_demand_and_tight_paths():
         path_demand(g, [("arc", 6.0, smallest * 0.99)], 0.1, joint_limit=math.pi / 4)
 
 
+def test_turns_to_both_sides_have_their_own_limits():
+    """A left turn bends the joints of a trailing body to negative angles."""
+    g = hara_chain(ALPHA)
+    low, high = np.full(3, -0.3), np.full(3, 0.7)
+    left, right = following_radii(g.lengths, low, high)
+    assert (left, right) == (following_radius(g.lengths, 0.3), following_radius(g.lengths, 0.7))
+    for radius, side in ((left, 1.0), (right, -1.0)):
+        arc = [("arc", 6.0 * side, 1.001 * radius)]
+        path_demand(g, arc, 0.1, joint_limit=(low, high))
+        with pytest.raises(AnalysisError, match=r"bends joint2_yaw to .* -17\.2 … 40\.1°"):
+            names = ("joint1_yaw", "joint2_yaw", "joint3_yaw")
+            limits = (low, [0.8, 0.7, 0.8]) if side < 0 else ([-0.4, -0.3, -0.4], high)
+            path_demand(g, [("arc", 6.0 * side, 0.99 * radius)], 0.1, 9, 9, limits, names)
+    with pytest.raises(AnalysisError, match="positive"):
+        path_demand(g, arc, -1.0)
+
+
+def test_slip_is_that_of_the_worst_unit():
+    """One unit's helix angle, believed 1 % too large, by the no-slip rows written out."""
+    g, twist = hara_chain(ALPHA), np.array([-0.1, 0.0, 0.15])
+    shape = np.array([0.3, 0.3, 0.3])
+    rows = g.rows(shape)
+    slips = []
+    for unit in range(4):
+        believed = np.array(ALPHA)
+        believed[unit] *= 1.01
+        wrong = hara_chain(believed)
+        drive = wrong.rows(shape) @ twist / wrong.drive() * g.drive()
+        left = drive - rows @ np.linalg.lstsq(rows, drive, rcond=None)[0]
+        slips.append(np.sqrt(np.mean(left**2)))
+    assert np.ptp(slips) > 0.1 * max(slips)
+    assert slip_sensitivity(g, shape, twist)["alpha"] == pytest.approx(max(slips), rel=1e-9)
+    both = worst_slip_sensitivity(g, (shape, 0 * shape), twist)
+    assert both["alpha"] == max(max(slips), slip_sensitivity(g, 0 * shape, twist)["alpha"])
+
+
 def test_direction_cone_of_the_straight_robot_is_the_closed_form():
     cone = direction_cone(hara_chain(ALPHA), np.zeros(3), 3.0)
     closed = 0.075 * 3.0 / (np.abs(np.cos(cone.direction)) + np.abs(np.sin(cone.direction)))
@@ -454,10 +492,12 @@ def test_fixed_shape_radius_against_brute_force():
     omega = np.linspace(-2, 2, 40_001)
     rates = A[:4, :3] @ np.stack([np.full_like(omega, -speed), 0 * omega, omega])
     fits = (np.abs(rates / g.drive()[:, None]) <= limit).all(axis=0)
-    brute = speed / np.abs(omega[fits]).max()
-    assert np.isclose(fixed_shape_radius(g, shape, speed, limit), brute, rtol=1e-3)
-    assert fixed_shape_radius(g, shape, 10.0, limit) == math.inf
-    assert fixed_shape_radius(hara_chain((0.7,) * 4), np.zeros(3), speed, limit) == math.inf
+    brute = speed / omega[fits].max(), -speed / omega[fits].min()
+    assert np.allclose(fixed_shape_radii(g, shape, speed, limit), brute, rtol=1e-3)
+    assert abs(brute[0] - brute[1]) > 1e-3  # a bent body turns tighter to one side
+    assert fixed_shape_radii(g, shape, 10.0, limit) == (math.inf, math.inf)
+    one_hand = hara_chain((0.7,) * 4)
+    assert fixed_shape_radii(one_hand, np.zeros(3), speed, limit) == (math.inf, math.inf)
 
 
 def test_analysis_reads_the_drive_from_a_urdf():
@@ -489,6 +529,8 @@ def test_report_names_what_is_wrong_with_a_drive():
     one_hand = report((math.pi / 4,) * 4)
     assert "one hand" in one_hand.warnings[0] and one_hand.hold.kind == "parallel axles"
     assert one_hand.search.singular and one_hand.fixed_radius == math.inf
+    assert one_hand.to_json()["shapes_descended"] == 24
+    assert one_hand.to_json()["shapes_sampled"] > 2048
     dead = report((math.pi / 4, 0.0, math.pi / 4, -math.pi / 4))
     assert dead.dead == (2,) and dead.demand is None and "unit 2" in dead.refusal
     assert json.dumps(dead.to_json(), allow_nan=False)

@@ -10,6 +10,7 @@ import pytest
 
 import snakegen
 from snakegen.advice import warnings
+from snakegen.analysis import statics
 from snakegen.description.mjcf import decorate
 from snakegen.description.urdf import urdf_text
 from snakegen.equivalence import BOUND, compare
@@ -169,3 +170,14 @@ def test_hybrid_carries_both():
     model = decorate(robot.urdf, robot.modules, {}, visuals=False).compile()
     assert compare(robot, model, states=2).worst <= BOUND
     assert robot.rotors.thrust_max.sum() > 2 * 9.81 * robot.mass
+
+
+def test_statics_of_a_body_on_the_ground_has_no_tip():
+    """A drive hangs from nothing: no payload at its tail, and free wheels are not its joints."""
+    robot, arm = load("screw4"), load("arm6")
+    found = statics.analyze(robot, robot.configuration())
+    assert found.rolls and found.tip_load is None and found.to_json()["tip_load"] is None
+    rows = dict(found.rows())
+    assert rows["no load"] == "7 joints"  # three yaw joints and four screws
+    assert not [label for label in rows if label.startswith("tip")]
+    assert statics.analyze(arm, arm.configuration()).tip_load is not None

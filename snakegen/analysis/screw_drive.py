@@ -4,6 +4,7 @@ HA eqs 1-7 as THEORY part B reads them; the algebra is in `screw_law`.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,10 +21,10 @@ from snakegen.screw_motion import (
     PathDemand,
     ScrewGeometry,
     direction_cone,
-    fixed_shape_radius,
-    following_radius,
+    fixed_shape_radii,
+    following_radii,
     path_demand,
-    slip_sensitivity,
+    worst_slip_sensitivity,
 )
 from snakegen.screw_robot import drive_geometry, yaw_joints
 from snakegen.screw_singularity import DriveHold, HoldSearch, drive_hold, search_hold
@@ -58,14 +59,24 @@ class DriveResult:
     dead: tuple[int, ...]  # units (from 1) whose α of 0 makes B singular
     slip: dict[
         str, float
-    ]  # m/s RMS, turning at 3 links' radius, a parameter believed 1 % too large
+    ]  # m/s RMS, turning at 3 links' radius, a parameter of the worst unit believed 1 % too large
     demand: PathDemand | None  # None where B is singular or the joints cannot follow the path
     refusal: str  # why there is no demand, or ""
     cone: DirectionCone | None
-    following_radius: float  # m, smallest arc that can be followed
-    fixed_radius: float  # m, smallest arc at this shape and speed
+    following: tuple[float, float]  # m, smallest arcs that can be followed, left and right
+    fixed: tuple[float, float]  # m, smallest arcs at this shape and speed, left and right
     speed: float  # m/s
     pitch: float  # rad, largest |angle| of the joints that are not yaws: the model needs 0
+
+    @property
+    def following_radius(self) -> float:
+        """The smallest arc [m] that can be followed both ways."""
+        return max(self.following)
+
+    @property
+    def fixed_radius(self) -> float:
+        """The smallest arc [m] that can be driven both ways at this shape and speed."""
+        return max(self.fixed)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -110,7 +121,11 @@ class DriveResult:
             "direction_speed_max_m_s": None if cone is None else _finite(float(cone.speed.max())),
             "direction_cone_rad": None if cone is None else cone.width(self.speed),
             "following_radius_m": _finite(self.following_radius),
+            "following_radius_left_right_m": [_finite(x) for x in self.following],
             "fixed_shape_radius_m": _finite(self.fixed_radius),
+            "fixed_shape_radius_left_right_m": [_finite(x) for x in self.fixed],
+            "shapes_sampled": found.sampled,
+            "shapes_descended": found.descended,
             "speed_m_s": self.speed,
             "warnings": list(self.warnings),
         }
@@ -123,9 +138,11 @@ class DriveResult:
             ("hold at this shape", f"rank {self.hold.rank}, {self.hold.text}"),
         ]
         if found.singular:
-            out += [
-                ("singular shape", f"{_degrees(h.shape)}: {h.text}") for h in found.singular[:4]
-            ]
+            shown = found.singular[:4]
+            out += [("singular shape", f"{_degrees(h.shape)}: {h.text}") for h in shown]
+            many = f"{len(shown)} of {len(found.singular)} that {found.descended} descents from the"
+            many += f" best of {found.sampled} sampled shapes ended in; they may be one family"
+            out.append(("", many))
         else:
             proof = f"; proved ≥ {found.certified:.3g} everywhere" if found.certified else ""
             where = _degrees(found.weakest.shape)
@@ -141,11 +158,13 @@ class DriveResult:
             wide = math.degrees(self.cone.width(self.speed))
             text = f"{low:.3f} to {high:.3f} m/s; {self.speed:g} m/s over {wide:.0f}°"
             out.append(("any direction", text))
-        out.append(("turning radius", f"{self.following_radius:.3f} m follow-the-leader"))
-        out.append(("", f"{self.fixed_radius:.3f} m with the shape held"))
+        out.append(("turning radius", f"{_two_ways(self.following)} follow-the-leader"))
+        out.append(("", f"{_two_ways(self.fixed)} with the shape held"))
         if self.slip:
             slip = ", ".join(f"{name} {1e3 * value:.2g}" for name, value in self.slip.items())
-            out.append(("slip per 1 % error, turning", f"{slip} mm/s"))
+            out.append(
+                ("slip per 1 % error", f"{slip} mm/s (turning, bent either way, worst unit)")
+            )
         return out + [("warning", text) for text in self.warnings]
 
 
@@ -159,6 +178,7 @@ def examine(
     screw_rate: float = 6.0,
     joint_rate: float = math.inf,
     pitch: float = 0.0,
+    names: Sequence[str] = (),
 ) -> DriveResult:
     """Returns all that the model says of a drive.
 
@@ -170,19 +190,22 @@ def examine(
         speed: along it [m/s].
         screw_rate, joint_rate: motor limits [rad/s].
         pitch: largest angle out of the plane [rad], reported.
+        names: of the yaw joints, for messages.
 
     Raises:
-        AnalysisError: sizes or limits that do not fit the drive.
+        AnalysisError: sizes or limits that do not fit the drive, a speed that is not positive.
     """
+    if not speed > 0:
+        raise AnalysisError(f"speed {speed:g} m/s: more than 0 is needed, the head leads.")
     bent, low, high = (np.asarray(value, float) for value in (shape, lower, upper))
-    limit = float(np.minimum(-low, high).min(initial=math.inf))
     dead = tuple(int(i) + 1 for i in np.flatnonzero(np.abs(np.sin(geometry.alpha)) < 1e-9))
     demand, refusal = None, ""
     try:
-        demand = path_demand(geometry, path, speed, screw_rate, joint_rate, limit)
+        demand = path_demand(geometry, path, speed, screw_rate, joint_rate, (low, high), names)
     except AnalysisError as error:
         refusal = str(error)
-    bends = len(geometry.lengths) > 1 and limit > 0
+    turn = np.clip(_arc_shape(geometry, 3 * geometry.scale), 0.0, high)
+    shapes = [bent, turn, np.clip(-turn, low, 0.0)]
     return DriveResult(
         geometry,
         drive_hold(geometry, bent),
@@ -190,12 +213,12 @@ def examine(
         dead,
         {}
         if dead
-        else slip_sensitivity(geometry, bent, [-speed, 0.0, speed / (3 * geometry.scale)]),
+        else worst_slip_sensitivity(geometry, shapes, [-speed, 0.0, speed / (3 * geometry.scale)]),
         demand,
         refusal,
         None if dead else direction_cone(geometry, bent, screw_rate),
-        following_radius(geometry.lengths, limit) if bends else math.inf,
-        math.inf if dead else fixed_shape_radius(geometry, bent, speed, screw_rate),
+        following_radii(geometry.lengths, low, high),
+        (math.inf, math.inf) if dead else fixed_shape_radii(geometry, bent, speed, screw_rate),
         speed,
         pitch,
     )
@@ -234,6 +257,7 @@ def analyze(
         screw_rate if screw_rate > 0 else _rate_limit(robot, drums),
         _rate_limit(robot, yaws),
         max(others, default=0.0),
+        yaws,
     )
 
 
@@ -242,6 +266,20 @@ def _rate_limit(robot: Robot, joints: tuple[str, ...]) -> float:
     model = robot.model
     limits = [model.upperVelocityLimit[model.joints[model.getJointId(j)].idx_v] for j in joints]
     return float(min(limits, default=math.inf))
+
+
+def _arc_shape(geometry: ScrewGeometry, radius: float) -> Floats:
+    """Returns the joint angles (m - 1,) [rad] of a chain whose nodes lie on a circle."""
+    half = np.arcsin(np.minimum(np.array(geometry.lengths) / (2 * radius), 1.0))
+    return np.asarray(half[:-1] + half[1:])
+
+
+def _two_ways(radii: tuple[float, float]) -> str:
+    """Returns the radii of left and right turns as text; one where they agree."""
+    left, right = radii
+    if left == right or abs(left - right) < 5e-4:
+        return f"{left:.3f} m"
+    return f"{left:.3f} m to the left, {right:.3f} m to the right,"
 
 
 def _degrees(angles: ArrayLike) -> str:

@@ -72,6 +72,7 @@ class StaticsResult:
             use, a proved bound of the use in any posture (base held), and the joint, if asked.
         flies: whether the robot floats and has rotors.
         gimbals: names of the joints that turn an apparatus.
+        rolls: whether it rests on drums: no `tip_load` unless it flies.
     """
 
     joints: tuple[str, ...]
@@ -92,6 +93,7 @@ class StaticsResult:
     worst: dict[str, Any] | None
     flies: bool
     gimbals: frozenset[str]
+    rolls: bool = False
 
     @property
     def overloaded(self) -> tuple[str, ...]:
@@ -102,6 +104,7 @@ class StaticsResult:
         """Returns (label, text) pairs for people: the whole, then the joints, hardest first."""
         shares = [f"{k.replace('_', ' ')} {100 * x:.3g} %" for k, x in self.share.items() if x > 0]
         alone = ": its rotors cannot hold it here" if self.flies else ""
+        alone = "; on the ground its drums carry it" if self.rolls and not self.flies else alone
         out = [("support", _SUPPORTS[self.support] + (alone if self.support == "base" else ""))]
         out.append(("consists of", ", ".join(shares) or "nothing: no load"))
         if self.overloaded:
@@ -136,8 +139,9 @@ class StaticsResult:
             out.append((self.joints[i], what))
         if len(order) > _SHOWN:
             out.append(("", f"and {len(order) - _SHOWN} joints with less"))
-        if len(order) < len(self.joints):
-            out.append(("no load", f"{len(self.joints) - len(order)} joints"))
+        driven = (self.limit > 0) & np.isfinite(self.limit)  # a free wheel carries no load
+        if free := int(np.sum(driven & (self.use <= 1e-9))):
+            out.append(("no load", f"{free} joints"))
         return out
 
     def _tip_rows(self, load: TipLoad) -> list[tuple[str, str]]:
@@ -249,7 +253,8 @@ def analyze(
     sigma = np.asarray(np.linalg.svd(S, compute_uv=False), float)
     end = find_tip(robot, tip, tip_point)
     load = None
-    if end.body > 0:
+    rolls = robot.floating and bool(robot.modules.screws)
+    if end.body > 0 and not (rolls and held.kind == "base"):
         load = tip_load(robot, q, end, total[first:], limit, direction=direction)
     return StaticsResult(
         robot.joint_names,
@@ -270,6 +275,7 @@ def analyze(
         worst_posture(robot, q, hold=hold, thrust=thrust, seed=seed, **given) if worst else None,
         robot.floating and bool(robot.modules.apparatuses),
         robot.gimbal_names,
+        rolls,
     )
 
 

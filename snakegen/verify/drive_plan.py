@@ -121,10 +121,9 @@ def following(
     geometry = drive_geometry(robot)
     names = yaw_joints(robot)
     low, high, _ = robot.limits(names)
-    bend = float(np.minimum(-low, high).min(initial=math.inf))
     law = time_law(path_length(path), speed, acceleration)
     screw, joint = rates(robot)
-    demand = path_demand(geometry, path, speed, screw, joint, bend, 0.02)
+    demand = path_demand(geometry, path, speed, screw, joint, (low, high), names, 0.02)
     if demand.fastest < speed:
         raise MissionError(
             f"{speed:g} m/s along this path takes screws of {demand.screw_rate:.2f} and joints of "

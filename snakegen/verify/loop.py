@@ -10,6 +10,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from snakegen.control.controller import Controller
 from snakegen.geometry import Floats
@@ -235,15 +236,24 @@ class _Run:
         return k, "", ""
 
     def _fastest(self) -> str:
-        """Returns the name of the fastest degree of freedom and its speed."""
+        """Returns the name of the fastest degree of freedom and its speed, free wheels apart."""
         model = self.world.model
-        dof = int(np.argmax(np.abs(np.nan_to_num(self.data.qvel, nan=np.inf))))
+        speed = np.abs(np.nan_to_num(self.data.qvel, nan=np.inf))
+        dof = int(np.argmax(np.where(self._held(), speed, -1.0)))
         joint = int(model.dof_jntid[dof])
         kind, first = model.jnt_type[joint], dof - int(model.jnt_dofadr[joint])
         slides = kind == mujoco.mjtJoint.mjJNT_SLIDE
         slides |= kind == mujoco.mjtJoint.mjJNT_FREE and first < 3  # its rotation comes after
         unit = "m/s" if slides else "rad/s"
         return f"{model.joint(joint).name} at {self.data.qvel[dof]:.3g} {unit}"
+
+    def _held(self) -> NDArray[np.bool_]:
+        """Returns for each degree of freedom whether the base, a servo or a spring holds it."""
+        model = self.world.model
+        held = (model.jnt_stiffness > 0) | (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+        on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+        held[model.actuator_trnid[on_joint, 0]] = True
+        return np.asarray(held[model.dof_jntid])
 
 
 def _frame(world: World, controller: Controller, data: mujoco.MjData) -> Floats:
