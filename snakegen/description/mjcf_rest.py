@@ -146,8 +146,11 @@ def _hover_thrust(model: mujoco.MjModel, data: mujoco.MjData, rotors: list[Any])
 
 
 def lowest_point(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Returns the least height [m] of any moving collision geom; meshes by their bounding ball."""
-    heights = [float("inf")]
+    """Returns the least height [m] of any moving collision geom; meshes by their bounding ball.
+
+    Of a body without such geometry, the lowest origin of its links.
+    """
+    heights: list[float] = []
     kind = mujoco.mjtGeom
     solid = (model.geom_contype | model.geom_conaffinity) != 0
     for g in np.flatnonzero(solid & (model.geom_bodyid != 0)):
@@ -166,4 +169,5 @@ def lowest_point(model: mujoco.MjModel, data: mujoco.MjData) -> float:
         else:
             reach = model.geom_rbound[g]
         heights.append(z - reach)
-    return float(min(heights))
+    origins = data.xpos[model.body_weldid != 0, 2]
+    return float(min(heights, default=min(origins, default=np.inf)))

@@ -29,11 +29,14 @@ def clearances(world: World, qpos: Floats) -> tuple[Floats, Floats, Floats]:
     around = np.array([(a, b) for a in own_geoms for b in walls], int).reshape(-1, 2)
     count = len(qpos)
     at, axes = np.empty((count, model.ngeom, 3)), np.empty((count, model.ngeom, 9))
+    origins = np.empty(count)
     for k, row in enumerate(qpos):
         data.qpos[:] = row
         mujoco.mj_kinematics(model, data)
         at[k], axes[k] = data.geom_xpos, data.geom_xmat
-    floor = np.min(at[:, own_geoms, 2] - _reach_down(model, axes, own_geoms), axis=1)
+        origins[k] = data.xpos[1:, 2].min()
+    low = at[:, own_geoms, 2] - _reach_down(model, axes, own_geoms)
+    floor = low.min(axis=1) if own_geoms else origins  # without geometry, the lowest link's origin
     return floor, _least(model, data, pairs, at, axes), _least(model, data, around, at, axes)
 
 

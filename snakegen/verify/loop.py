@@ -138,8 +138,9 @@ class _Run:
         self.data = data = mujoco.MjData(world.model)
         world.set_state(data, plan.start)
         angles = data.qpos[world.qpos]
-        gimbals = np.where(world.gimbal_joints >= 0, angles[world.gimbal_joints], 0.0)
-        present = world.gimbals >= 0
+        present = world.gimbal_joints >= 0
+        gimbals = np.zeros(present.shape)
+        gimbals[present] = angles[world.gimbal_joints[present]]
         data.ctrl[world.servos] = plan.joints[0]
         data.ctrl[world.gimbals[present]] = gimbals[present]
         mujoco.mj_forward(world.model, data)

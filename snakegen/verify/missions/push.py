@@ -166,7 +166,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
         lag = time < SETTLE
     fine = np.full(len(time), True)
     for error, most in ((place_error, LOST_M), (turn_error, LOST_RAD), (joint_error, LOST_JOINT)):
-        fine &= np.abs(error - error[lag].mean(axis=0)).max(axis=1) < most
+        fine &= np.abs(error - error[lag].mean(axis=0)).max(axis=1, initial=0.0) < most
     fine = np.flatnonzero(fine)
     last = int(fine[-1]) if fine.size else 0
     lost = last < len(time) - 1
