@@ -80,7 +80,7 @@ def build(
         made |= _payload_mesh(spec, folder)
         found = lint.lint(text, folder=folder)
         lint.refuse(found, urdf_path.name)
-        equivalence = _write_mjcf(folder, spec.name, text, made)
+        equivalence, touching = _write_mjcf(folder, spec.name, text, made)
         png, note = (None, "")
         if picture:
             png = folder / f"{spec.name}.png"
@@ -93,7 +93,7 @@ def build(
         target / png.name if png else None,
         note,
         equivalence,
-        (*warnings(spec), *(str(f) for f in found if f.severity == "warning")),
+        (*warnings(spec), *(str(f) for f in found if f.severity == "warning"), *touching),
     )
 
 
@@ -128,24 +128,33 @@ def _needed(all_meshes: dict[str, Any], text: str) -> dict[str, Any]:
     return {name: mesh for name, mesh in all_meshes.items() if f"/{name}.stl" in text}
 
 
-def _write_mjcf(folder: Path, name: str, text: str, made: dict[str, Path]) -> Any:
-    """Writes MJCF and scene, and proves that MuJoCo and Pinocchio agree; returns the figures."""
+def _write_mjcf(
+    folder: Path, name: str, text: str, made: dict[str, Path]
+) -> tuple[Any, tuple[str, ...]]:
+    """Writes MJCF and scene, and proves that MuJoCo and Pinocchio agree.
+
+    Returns the figures of that, and a line for each pair of bodies that starts in contact.
+    """
     import mujoco
 
+    from snakegen.description.base_mount import floor_height, supports
     from snakegen.description.mjcf import decorate, scene
     from snakegen.description.mjcf_files import load_model, write
     from snakegen.equivalence import compare
     from snakegen.robot import from_urdf_text
+    from snakegen.start_contacts import contact_warnings
 
     robot = from_urdf_text(text, None, checked=True)
     assets = {f"meshes/{p.name}": p.read_bytes() for p in made.values()}
-    path = folder / f"{name}.xml"
+    path, scenery = folder / f"{name}.xml", folder / "scene.xml"
     full = decorate(text, robot.modules, assets, rollers=_bodily(robot.modules))
     write(full, path)
-    (folder / "scene.xml").write_text(scene(path.name, name), encoding="utf-8")
     try:
         model = load_model(path)
-        load_model(folder / "scene.xml")
+        held = supports(model, robot.modules, "link1")
+        floor = floor_height(model, robot.modules)
+        scenery.write_text(scene(path.name, name, floor, held), encoding="utf-8")
+        touching = contact_warnings(load_model(scenery))
     except (ValueError, mujoco.FatalError) as error:
         raise DescriptionError(f"{path.name}: MuJoCo cannot load it ({error}).") from None
     result = compare(robot, model, rollers=_bodily(robot.modules))
@@ -153,7 +162,7 @@ def _write_mjcf(folder: Path, name: str, text: str, made: dict[str, Path]) -> An
     if _bodily(robot.modules) is not None:  # bodies are compared on the wheels; balls are kept
         write(decorate(text, robot.modules, assets), path)
         _refuse_differences(name, compare(robot, load_model(path)))
-    return result
+    return result, touching
 
 
 def _refuse_differences(name: str, result: Any) -> None:

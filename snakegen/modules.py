@@ -82,6 +82,14 @@ class Servo:
 
 
 @dataclass(frozen=True)
+class Mount:
+    """How a fixed base is held."""
+
+    pose: str = "stand"  # stand, wall, ceiling, vertical or any
+    height: float = 0.0  # m, of the base above the floor
+
+
+@dataclass(frozen=True)
 class Modules:
     """Everything that analyses, plant and controller need beside the URDF proper."""
 
@@ -91,6 +99,7 @@ class Modules:
     servos: tuple[Servo, ...] = ()
     screws: tuple[Screw, ...] = ()
     casters: tuple[Caster, ...] = ()
+    mount: Mount | None = None  # None: free, or nobody knows
     control: dict[str, Any] = field(default_factory=dict)
     gain_sets: dict[str, dict[str, Any]] = field(default_factory=dict)
     plant: dict[str, float] = field(default_factory=dict)
@@ -108,6 +117,7 @@ def from_urdf(text: str) -> Modules | None:
         return None
     control = element.find("control")
     plant, uncertainty = element.find("plant"), element.find("plant/uncertainty")
+    mount = element.find("mount")
     return Modules(
         floating=element.get("base") == "floating",
         lengths={e.attrib["name"]: _real(e, "length") for e in element.findall("link")},
@@ -115,6 +125,7 @@ def from_urdf(text: str) -> Modules | None:
         servos=tuple(_fill(Servo, e) for e in element.findall("servo")),
         screws=tuple(_screw(e) for e in element.findall("screw_drive")),
         casters=tuple(_fill(Caster, e) for e in element.findall("caster")),
+        mount=None if mount is None else _fill(Mount, mount),
         control={} if control is None else _attributes(control),
         gain_sets={}
         if control is None

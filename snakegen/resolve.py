@@ -9,6 +9,7 @@ from snakegen.errors import SpecError
 from snakegen.filtering import rate_filter
 from snakegen.inertia_limits import refuse_excess
 from snakegen.places import Part, spell_out, spread
+from snakegen.spec_base import resolve_base
 from snakegen.wheel_layout import wheel_layout
 
 if TYPE_CHECKING:
@@ -54,8 +55,9 @@ def resolve(spec: "RobotSpec") -> dict[str, Any]:
     if spec.payload is not None:
         out["payload"] |= _payload(spec.payload, n, spec.folder)
     refuse_excess(out)
-    for name, part in spec:
-        if isinstance(part, Part):  # in the grammar's order: resolving again changes nothing
+    out["base"] = resolve_base(spec.base, out)
+    for name, part in spec:  # in the grammar's order, so that resolving again changes nothing
+        if isinstance(part, Part):
             known = out[name]
             out[name] = {k: known[k] for k in type(part).model_fields if k in known}
     return out

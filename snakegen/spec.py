@@ -22,6 +22,7 @@ from snakegen.places import (
     number,
     spread,
 )
+from snakegen.spec_base import AnyBase
 from snakegen.spec_modules import Caster, Payload, ScrewDrive, Servo, VectoringApparatus
 from snakegen.yaml_file import refuse_executable
 
@@ -239,8 +240,8 @@ class RobotSpec(Part):
         description="of robot and files: a letter, then letters, digits and _",
     )
     about: str = Field("", description="one line for `snakegen presets`")
-    base: Literal["floating", "fixed"] = Field(
-        "floating", description="free, or link 1 bolted down"
+    base: AnyBase = Field(
+        "floating", description="free, or link 1 fixed to the world, mounted as `pose` says"
     )
     chain: Chain = Field(description="the links")
     joint: Joint = Field(Joint(), description="what joins two links")

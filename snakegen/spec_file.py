@@ -176,6 +176,8 @@ def _raw(source: Any) -> tuple[dict[str, Any], str, Path]:
 def _put(data: dict[str, Any], path: list[str], value: Any, label: str) -> None:
     """Sets data[path…] = value; numbers index lists (from 1)."""
     at: Any = data
+    if path[0] == "base" and len(path) > 1 and isinstance(data.get("base"), str):
+        data["base"] = {"kind": data["base"]}
     for depth, key in enumerate(path[:-1]):
         if isinstance(at, list):
             at = at[_index(at, path, depth, label)]

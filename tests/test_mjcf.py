@@ -149,7 +149,7 @@ def test_rotor_pushes_and_drags_as_the_modules_say(dragon4):
     site = data.site(rotor.link)
     axis = site.xmat.reshape(3, 3)[:, 2]
     expected = np.concatenate([5.0 * axis, 5.0 * rotor.drag_ratio * axis])
-    expected[3:] += np.cross(site.xpos, expected[:3])
+    expected[3:] += np.cross(site.xpos - data.xpos[1], expected[:3])
     assert np.allclose(data.qfrc_actuator[:3], expected[:3], atol=1e-12)
     assert np.allclose(data.qfrc_actuator[3:6], expected[3:], atol=1e-12)
     assert axis[0] == pytest.approx(np.sin(-0.7))

@@ -225,8 +225,8 @@ def examine(
 
 
 def applies(robot: Robot) -> bool:
-    """A robot with screw units."""
-    return bool(robot.modules.screws)
+    """A floating base and screw units: what is fixed to the world does not drive."""
+    return robot.floating and bool(robot.modules.screws)
 
 
 def analyze(

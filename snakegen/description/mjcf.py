@@ -1,12 +1,13 @@
 """MJCF derived from the URDF through MjSpec: imported, then decorated; never written twice."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from snakegen.description.base_mount import Support
 from snakegen.description.mjcf_rest import GRAVITY, add_from_rest, lowest_point
 from snakegen.description.screw_contact import decorate_drive
 from snakegen.errors import DescriptionError
@@ -226,8 +227,16 @@ def _sensors(spec: mujoco.MjSpec, root: Any, modules: Modules) -> None:
             spec.add_sensor(name=name, type=type_, objtype=actuator, objname=screw.joint)
 
 
-def scene(robot_file: str, model: str) -> str:
-    """Returns scene.xml: the robot on a floor under a sky."""
+def scene(robot_file: str, model: str, floor: float = 0.0, supports: Sequence[Support] = ()) -> str:
+    """Returns scene.xml: the robot above a floor under a sky, its base held by its supports.
+
+    Args:
+        robot_file: name of the MJCF beside it.
+        model: name of the robot.
+        floor: m, height of the floor.
+        supports: what holds a fixed base.
+    """
+    held = "".join(f"\n    {_support(one)}" for one in supports)
     return f"""<mujoco model="{model} scene">
   <include file="{robot_file}"/>
 
@@ -246,7 +255,22 @@ def scene(robot_file: str, model: str) -> str:
   </asset>
 
   <worldbody>
-    <geom name="floor" type="plane" size="0 0 0.05" material="floor" contype="3" conaffinity="3"/>
+    <geom name="floor" type="plane" pos="0 0 {floor:g}" size="0 0 0.05" material="floor" contype="3"
+          conaffinity="3"/>{held}
   </worldbody>
 </mujoco>
 """
+
+
+def _support(one: Support) -> str:
+    """Returns a support as a geom, solid to links and rollers alike."""
+    quat = wxyz_from_xyzw(quaternion_xyzw(one.rotation))
+
+    def text(values: Any) -> str:
+        return " ".join(f"{x:.6g}" for x in np.round(values, 6) + 0.0)
+
+    return (
+        f'<geom name="{one.name}" type="{one.kind}" size="{text(one.size)}"\n          '
+        f'pos="{text(one.position)}" quat="{text(quat)}" rgba="0.55 0.57 0.60 1"\n          '
+        'contype="3" conaffinity="3"/>'
+    )

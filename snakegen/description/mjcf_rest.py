@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from snakegen.description.neighbours import OVERLAP, exclude, exclude_neighbours
 from snakegen.geometry import Floats, quaternion_xyzw, wxyz_from_xyzw
 from snakegen.modules import Modules
 from snakegen.rounding import significant
@@ -24,7 +25,7 @@ def add_from_rest(spec: mujoco.MjSpec, root: Any, modules: Modules) -> None:
         root: its root body.
         modules: what its links carry.
     """
-    _exclude_neighbours(spec)
+    exclude_neighbours(spec, modules)
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -35,9 +36,10 @@ def add_from_rest(spec: mujoco.MjSpec, root: Any, modules: Modules) -> None:
     spec.stat.extent = round(2.0 * radius, 3)
     if model.nv < _DENSE_BELOW:
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    _camera_and_light(root, centre, radius)
+    turn = data.xmat[model.body(root.name).id].reshape(3, 3)
+    _camera_and_light(root, centre, radius, turn)
     spec.visual.quality.shadowsize = 8192
-    _keyframes(spec, model, data, modules)
+    _keyframes(spec, root, model, data, modules)
 
 
 def _box(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:
@@ -48,20 +50,6 @@ def _box(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:
     return (places - radii).min(axis=0), (places + radii).max(axis=0)
 
 
-def _exclude_neighbours(spec: mujoco.MjSpec) -> None:
-    """Excludes contact between solid bodies one body apart: parents, children, siblings."""
-    solid = {b.name for b in spec.bodies if any(g.contype for g in b.geoms)}
-    for body in spec.bodies:
-        around = [b.name for b in body.bodies]
-        if body.parent is not None and body.parent.name != "world":
-            around.insert(0, body.parent.name)
-        around = [n for n in around if n in solid]
-        if body.name != "world":
-            for i, first in enumerate(around):
-                for second in around[i + 1 :]:
-                    _exclude(spec, first, second)
-
-
 def _exclude_touching(spec: mujoco.MjSpec, model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Excludes contact between bodies that touch at rest: parts that overlap in the drawing."""
     touching = {
@@ -69,23 +57,27 @@ def _exclude_touching(spec: mujoco.MjSpec, model: mujoco.MjModel, data: mujoco.M
         for contact in data.contact
     }
     for first, second in sorted(touching):
-        _exclude(spec, first, second)
+        exclude(spec, first, second, OVERLAP)
 
 
-def _exclude(spec: mujoco.MjSpec, first: str, second: str) -> None:
-    spec.add_exclude(name=f"{first}_{second}", bodyname1=first, bodyname2=second)
+def _camera_and_light(root: Any, centre: Floats, radius: float, turn: Floats) -> None:
+    """Adds a camera and a light that follow the robot.
 
-
-def _camera_and_light(root: Any, centre: Floats, radius: float) -> None:
-    """Adds a camera and a light that follow the robot, whose box has half-diagonal `radius` [m]."""
+    Args:
+        root: its root body.
+        centre: (3,) m, of the box round it.
+        radius: m, half that box's diagonal.
+        turn: (3, 3) attitude of the root.
+    """
     away = np.array([0.35, -1.0, 0.55])
     away /= np.linalg.norm(away)
     right = np.cross([0.0, 0.0, 1.0], away)
     right /= np.linalg.norm(right)
     up = np.cross(away, right)
     camera = root.add_camera(name="track", mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM)
-    camera.pos = [round(float(x), 4) for x in centre + 2.2 * radius * away]
-    camera.quat = wxyz_from_xyzw(quaternion_xyzw(np.column_stack([right, up, away]))).round(6)
+    camera.pos = [round(float(x), 4) for x in turn.T @ (centre + 2.2 * radius * away)]
+    attitude = turn.T @ np.column_stack([right, up, away])
+    camera.quat = wxyz_from_xyzw(quaternion_xyzw(attitude)).round(6)
     camera.fovy = 40.0
     down = np.array([-0.1, 0.3, -1.0])
     above = centre - (1.5 * radius + 1.5) * down / np.linalg.norm(down)
@@ -93,17 +85,20 @@ def _camera_and_light(root: Any, centre: Floats, radius: float) -> None:
         name="sun",
         mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM,
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=[round(float(x), 4) for x in above],
-        dir=down,
+        pos=[round(float(x), 4) for x in turn.T @ above],
+        dir=turn.T @ down,
         diffuse=[0.55] * 3,
         castshadow=True,
     )
 
 
 def _keyframes(
-    spec: mujoco.MjSpec, model: mujoco.MjModel, data: mujoco.MjData, modules: Modules
+    spec: mujoco.MjSpec, root: Any, model: mujoco.MjModel, data: mujoco.MjData, modules: Modules
 ) -> None:
-    """Adds `home` (1 m up, hover thrust; a drive without rotors stands) and `floor` (at rest)."""
+    """Adds `home` (1 m up, hover thrust; a drive without rotors stands) and `floor` (at rest).
+
+    A free robot starts at rest on the floor, not with its root's origin in it.
+    """
     rotors = [r for a in modules.apparatuses for r in a.rotors]
     thrust = _hover_thrust(model, data, rotors) if modules.floating else np.zeros(model.nu)
     home, floor = np.array(model.qpos0), np.array(model.qpos0)
@@ -112,6 +107,8 @@ def _keyframes(
         floor[2] = model.qpos0[2] - (low if np.isfinite(low) else 0.0)
         home[2] = floor[2] if modules.screws and not rotors else 1.0
     home, floor, thrust = significant(home), significant(floor), significant(thrust)
+    if modules.floating and not modules.screws:
+        root.pos = floor[:3]
     act = thrust[[i for i in range(model.nu) if model.actuator_dyntype[i]]]
     spec.add_key(name="home", qpos=home, ctrl=thrust, act=act)
     spec.add_key(name="floor", qpos=floor)

@@ -187,14 +187,17 @@ def _fitted_camera(model: "mujoco.MjModel", data: "mujoco.MjData", aspect: float
     import mujoco
     import numpy as np
 
-    solid = (model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE)) & (model.geom_group < 3)
+    is_plane = model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)
+    solid = (model.geom_bodyid != 0) & ~is_plane & (model.geom_group < 3)
     centres, radii = data.geom_xpos[solid], model.geom_rbound[solid]
     if len(centres) == 0:
         centres, radii = data.xpos, np.full(model.nbody, 0.1)
     span = np.ptp(centres, axis=0)
     camera = mujoco.MjvCamera()
-    # broadside to the longer horizontal extent, a little to one end
-    camera.azimuth, camera.elevation = 120.0 if span[0] >= span[1] else 30.0, -28.0
+    # broadside to the longer horizontal extent, a little to one end; what holds a base is behind it
+    held = bool(np.any((model.geom_bodyid == 0) & ~is_plane))
+    camera.azimuth = 120.0 if span[0] >= span[1] else 150.0 if held else 30.0
+    camera.elevation = -12.0 if held and span[2] >= max(span[:2]) else -28.0
     turn, tilt = np.radians([camera.azimuth, camera.elevation])
     right = np.array([np.sin(turn), -np.cos(turn), 0.0])
     ahead = np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])

@@ -229,5 +229,6 @@ def decorate_drive(
     for caster in modules.casters:
         decorate_caster(spec, caster.link, caster.track, caster.radius)
     root = spec.worldbody.first_body()
-    root.pos = [0.0, 0.0, one.radius]
+    if modules.floating:
+        root.pos = [0.0, 0.0, one.radius]
     root.add_site(name=HEAD)
