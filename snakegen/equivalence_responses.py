@@ -14,6 +14,7 @@ import numpy as np
 from snakegen.equivalence_actuators import Actuation, joint_limits, torque_limits
 from snakegen.equivalence_pairs import Pairs, pairs
 from snakegen.geometry import Floats
+from snakegen.robot_arrays import base_link
 
 _BEYOND = 3.0  # command over range, by which limits are tried
 _AXES = tuple("xyz")
@@ -66,7 +67,7 @@ def _sites(at: Actuation, data: mujoco.MjData, bodies: Bodies) -> Iterator[Pairs
     position = tuple(f"{a} [m]" for a in "xyz")
     yield pairs("site position", names, position, point, data.site_xpos[ids])
     yield pairs("site axis", names, _AXES, axis, axes[ids][:, :, 2])
-    imu, root = at.model.site("imu").id, at.model.body(at.robot.root_link).id
+    imu, root = at.model.site("imu").id, at.model.body(base_link(at.robot)).id
     yield pairs("site position", ("imu",), position, data.xpos[root], data.site_xpos[imu])
     turned = data.xmat[root], axes[imu].ravel()
     yield pairs("site axes", ("imu",), [f"axis {k}" for k in range(9)], *turned)

@@ -142,6 +142,7 @@ def _write_mjcf(
     from snakegen.description.mjcf_files import load_model, write
     from snakegen.equivalence import compare
     from snakegen.robot import from_urdf_text
+    from snakegen.robot_arrays import base_link
     from snakegen.start_contacts import contact_warnings
 
     robot = from_urdf_text(text, None, checked=True)
@@ -151,7 +152,7 @@ def _write_mjcf(
     write(full, path)
     try:
         model = load_model(path)
-        held = supports(model, robot.modules, "link1")
+        held = supports(model, robot.modules, base_link(robot))
         floor = floor_height(model, robot.modules)
         scenery.write_text(scene(path.name, name, floor, held), encoding="utf-8")
         touching = contact_warnings(load_model(scenery))

@@ -13,6 +13,7 @@ from xml.parsers import expat
 from snakegen.errors import DescriptionError, near
 from snakegen.wheel_layout import ROLLERS
 
+POSES = ("stand", "wall", "ceiling", "vertical", "any")  # of a fixed base
 Check = Callable[[str], None]  # raises ValueError that says what is needed
 
 
@@ -71,6 +72,11 @@ def _rollers(text: str) -> None:
         raise ValueError(f"one of {', '.join(ROLLERS)} is needed")
 
 
+def _pose(text: str) -> None:
+    if text not in POSES:
+        raise ValueError(f"one of {', '.join(POSES)} is needed")
+
+
 def _any(text: str) -> None:
     """Accepts what a model of the spec checks as a whole."""
 
@@ -92,6 +98,7 @@ _FIELDS: dict[str, dict[str, Check]] = {
         "armature": _not_negative,
     },
     "caster": {"link": _name, "track": _not_negative, "radius": _positive},
+    "mount": {"pose": _pose, "height": _not_negative},
 }  # fmt: skip
 _NEEDED = {
     "link": ("name", "length"),
@@ -99,11 +106,13 @@ _NEEDED = {
     "rotor": ("link", "thrust_min", "thrust_max", "drag_ratio"),
     "screw_drive": ("joint", "link", "alpha", "radius"),
     "caster": ("link",),
+    "mount": ("pose", "height"),
     "gains": ("name",),
 }
 _WITHIN = {
     "snakegen": (
-        "link", "servo", "vectoring_apparatus", "screw_drive", "caster", "control", "plant",
+        "link", "servo", "vectoring_apparatus", "screw_drive", "caster", "mount", "control",
+        "plant",
     ),
     "vectoring_apparatus": ("rotor",),
     "control": ("gains",),
@@ -111,7 +120,8 @@ _WITHIN = {
 }  # fmt: skip
 _MOST = {  # elements of a kind in all
     "link": 1000, "servo": 10_000, "vectoring_apparatus": 1000, "rotor": 2000,
-    "screw_drive": 1000, "caster": 1000, "control": 1, "plant": 1, "gains": 100, "uncertainty": 1,
+    "screw_drive": 1000, "caster": 1000, "mount": 1, "control": 1, "plant": 1, "gains": 100,
+    "uncertainty": 1,
 }  # fmt: skip
 _UNIQUE = {  # what two elements must not share
     "link": ("name",), "servo": ("joint",), "rotor": ("link",), "screw_drive": ("joint",),

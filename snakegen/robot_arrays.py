@@ -1,5 +1,6 @@
 """The flat arrays of a robot, taken from its Pinocchio model and modules (see kernels/tree.py)."""
 
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -148,6 +149,17 @@ def spinners_of(robot: "Robot") -> frozenset[int]:
     free = {b for b in held - parents if names[b - 1] not in driven}
     model = robot.model
     return frozenset(b for b in free if model.joints[model.getJointId(names[b - 1])].nq == 2)
+
+
+def base_link(robot: "Robot") -> str:
+    """Returns the first link that is a body: the root, or what is fixed to a root named world."""
+    if robot.root_link != "world":
+        return robot.root_link
+    for joint in ET.fromstring(robot.urdf).iterfind("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is not None and child is not None and parent.get("link") == "world":
+            return str(child.get("link"))
+    return robot.root_link
 
 
 def configuration_of(

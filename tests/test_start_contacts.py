@@ -219,3 +219,26 @@ def test_a_build_names_the_pair_that_starts_in_contact(tmp_path):
 def test_drums_on_a_fixed_base_build(robot, override, tmp_path):
     made = snakegen.build(load_spec(robot, overrides=[override]), tmp_path, picture=False)
     assert made.equivalence.worst < 1e-9
+
+
+@pytest.mark.parametrize("pose", ["wall", "ceiling", "vertical", "any"])
+def test_a_base_is_mounted_as_its_pose_says(pose, tmp_path):
+    """URDF and MJCF agree, link 1 points where the pose says, and weight loads joints by it."""
+    rpy = ", rpy: [0.3, 0.4, 0.5]" if pose == "any" else ""
+    spec = load_spec("arm6", overrides=[f"base={{pose: {pose}{rpy}}}"])
+    made = snakegen.build(spec, tmp_path, picture=False)
+    assert made.equivalence.worst < 1e-9 and made.warnings == ()
+    data = mujoco.MjData(load_model(made.scene))
+    mujoco.mj_forward(load_model(made.scene), data)
+    x = data.body("link1").xmat.reshape(3, 3)[:, 0]
+    any_x = np.array([np.cos(0.4) * np.cos(0.5), np.cos(0.4) * np.sin(0.5), -np.sin(0.4)])
+    wanted = {"wall": [1, 0, 0], "ceiling": [0, 0, -1], "vertical": [0, 0, 1], "any": any_x}
+    assert np.allclose(x, wanted[pose], atol=1e-12)
+    robot = snakegen.load(made.urdf)
+    torque = pin.computeGeneralizedGravity(
+        robot.model, robot.model.createData(), robot.configuration()
+    )
+    level = np.linalg.norm(wanted[pose][:2])  # a straight arm's moments go with how level it is
+    flat = snakegen.load("arm6")
+    most = pin.computeGeneralizedGravity(flat.model, flat.model.createData(), flat.configuration())
+    assert np.linalg.norm(torque) == pytest.approx(level * np.linalg.norm(most), abs=1e-9)
