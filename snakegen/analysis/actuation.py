@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 
 from snakegen.analysis.allocation import Allocation, allocation
+from snakegen.control.lost_motion import dual_loss
 from snakegen.geometry import Floats
+from snakegen.kernels.chain import forward
 from snakegen.robot import Robot
 from snakegen.words import motions
 
@@ -113,7 +115,7 @@ def analyze(robot: Robot, q: Floats) -> Actuation:
     inputs = {
         "dual": (a.dual, rotor_limits),
         "virtual": (a.virtual, limits),
-        "force": (a.force, np.repeat(limits, 3)),
+        "force": (a.force @ _turnable(robot, q, a), np.repeat(limits, 3)),
         "jacobian": (a.jacobian, np.concatenate([limits, gimbal])),
         "all": (
             np.hstack([a.dual, a.jacobian[:, count:]]),
@@ -122,15 +124,47 @@ def analyze(robot: Robot, q: Floats) -> Actuation:
     }
     ranks = {k: _rank(robot, k, m, c, a.thrust_points) for k, (m, c) in inputs.items()}
     vectored = bool(robot.gimbal_names)
-    trunc = scaled(robot, a.dual, rotor_limits)[2:]
+    up = a.hover_wrench[:3] / np.linalg.norm(a.hover_wrench[:3])
+    rows = scaled(robot, a.dual, rotor_limits)
+    trunc = np.vstack([up @ rows[:3], rows[3:]])
+    loss = dual_loss(
+        a.dual,
+        robot.rotors,
+        up=up,
+        length=robot.link_length,
+        weight=robot.force_scale,
+        least=RANK_TOLERANCE * float(np.linalg.norm(trunc, 2)),
+    )
     return Actuation(
         RANK_TOLERANCE,
         robot.force_scale,
         robot.torque_scale,
         tuple(ranks.values()),
-        _classes(ranks, trunc, count, vectored),
+        _classes(ranks, trunc, count, vectored, loss),
         a,
     )
+
+
+def _turnable(robot: Robot, q: Floats, a: Allocation) -> Floats:
+    """Returns the projector (3Ñ, 3Ñ) onto the forces that gimbals can turn to, link axes.
+
+    All of space with two gimbal axes, the plane across the axis with one, the thrust axis with
+    none.
+    """
+    gimbals, tree = robot.gimbals, robot.tree
+    base, origin = robot.base_pose(q)
+    rotation, _ = forward(tree, base, origin, robot.angles(q))
+    out = np.zeros((3 * gimbals.limit.size,) * 2)
+    for j, bodies in enumerate(zip(gimbals.roll_body, gimbals.pitch_body, strict=True)):
+        turning = [int(b) for b in bodies if b >= 0]
+        part = np.eye(3)
+        if len(turning) < 2:
+            body = turning[0] if turning else int(gimbals.thrust_body[j])
+            axis = tree.axis[body] if turning else gimbals.thrust_axis[j]
+            u = a.link_axes[j].T @ base.T @ rotation[body] @ axis
+            part = np.eye(3) - np.outer(u, u) if turning else np.outer(u, u)
+        out[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] = part
+    return out
 
 
 def _rank(robot: Robot, name: str, matrix: Floats, columns: Floats, points: Floats) -> Rank:
@@ -146,16 +180,16 @@ def _rank(robot: Robot, name: str, matrix: Floats, columns: Floats, points: Floa
 
 
 def _classes(
-    ranks: dict[str, Rank], truncated: Floats, count: int, vectored: bool
+    ranks: dict[str, Rank], truncated: Floats, count: int, vectored: bool, loss: str
 ) -> tuple[ModeClass, ...]:
     """Returns a class for each mode; the paper's rules are about apparatuses that turn."""
-    dual = _dual_class(ranks["dual"], truncated, count)
+    dual = _dual_class(ranks["dual"], truncated, count, loss)
     if vectored:
         return dual, _virtual_class(ranks, count)
     return (replace(dual, paper="about rotors on gimbals; this robot has none", agrees=True),)
 
 
-def _dual_class(rank: Rank, truncated: Floats, count: int) -> ModeClass:
+def _dual_class(rank: Rank, truncated: Floats, count: int, loss: str) -> ModeClass:
     """Gimbals held, every rotor free: six, or four degrees of freedom, or no stable hover."""
     paper = "underactuated by design: the paper flies two apparatuses in this mode"
     sigma = np.linalg.svd(truncated, compute_uv=False)
@@ -167,14 +201,19 @@ def _dual_class(rank: Rank, truncated: Floats, count: int) -> ModeClass:
     if four:
         sentence = (
             f"Q_dual has rank {rank.rank}; altitude and attitude are free "
-            f"(σ4 of [f_z; τ] {sigma[-1]:.3g}), {'; '.join(rank.lost)} are not"
+            f"(σ4 of [f_z; τ] {sigma[-1]:.3g}), {_listed(rank.lost, 'is', 'are')} not"
         )
         return ModeClass("dual_rotor", "underactuated", sentence, paper, True)
     sentence = (
-        f"Q_dual has rank {rank.rank} and [f_z; τ] not 4: thrusts alone cannot hold the attitude; "
-        "yaw needs κ ≠ 0 with spins that alternate between apparatuses"
+        f"Q_dual has rank {rank.rank} and [f_z; τ] not 4: thrusts alone cannot hold altitude and "
+        f"attitude; {loss}"
     )
     return ModeClass("dual_rotor", "uncontrollable", sentence, paper, count != 2)
+
+
+def _listed(lost: tuple[str, ...], one: str, more: str) -> str:
+    """Returns motions joined, with the verb that fits their number."""
+    return f"{'; '.join(lost)} {one if len(lost) == 1 else more}"
 
 
 def _virtual_class(ranks: dict[str, Rank], count: int) -> ModeClass:
@@ -195,6 +234,6 @@ def _virtual_class(ranks: dict[str, Rank], count: int) -> ModeClass:
             f"resist {'; '.join(force.lost)}"
         )
     else:
-        sentence = f"J_w has rank {jacobian.rank}: {'; '.join(jacobian.lost)} is lost"
+        sentence = f"J_w has rank {jacobian.rank}: {_listed(jacobian.lost, 'is', 'are')} lost"
     value = "fully_actuated" if full else "underactuated"
     return ModeClass("virtual_single_rotor", value, sentence, paper, full == paper_full)

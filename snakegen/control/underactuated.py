@@ -8,6 +8,7 @@ from snakegen.control.controller import Controller, ControlRefused
 from snakegen.control.frame import CogFrame
 from snakegen.control.fully_actuated import Allocation
 from snakegen.control.gains import Floats
+from snakegen.control.lost_motion import frame_loss
 from snakegen.kernels.compliant import yielding_thrusts
 from snakegen.kernels.joint_loads import no_loads
 from snakegen.kernels.mode_allocation import DUAL_SIGMA_MIN
@@ -117,9 +118,10 @@ def allocate(
     else:
         thrust, sigma = allocate_dual(q, wanted, frame.scale[2:], least, most, 0, free)
     if sigma < DUAL_SIGMA_MIN and not force:
+        why = frame_loss(full, rotors, frame.scale, tilt)
         raise ControlRefused(
             f"dual-rotor mode cannot hold this posture: scaled σ_min of [f_z; τ] is {sigma:.2g}; "
-            "yaw needs a drag ratio and spins that alternate between apparatuses, or a bent body."
+            f"{why or 'it changes with the thrust'}."
         )
     missed = float(np.linalg.norm(q @ thrust - wanted))
     return Allocation(thrust, turns, full @ thrust, float(sigma), 0, missed)

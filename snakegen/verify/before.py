@@ -7,11 +7,14 @@ import numpy as np
 
 from snakegen.control.controller import MODES, Controller
 from snakegen.control.frame import CogFrame, cog_frame
+from snakegen.control.lost_motion import frame_loss
 from snakegen.control.switch import check_mode, force_sigma_min, out_of_grip
 from snakegen.description.mjcf import lowest_point
 from snakegen.errors import MissionError
 from snakegen.kernels.control_types import DUAL, VIRTUAL, Command, Measured, Target
 from snakegen.kernels.mode_allocation import DUAL_SIGMA_MIN
+from snakegen.kernels.underactuated import level_axes, rotor_map
+from snakegen.kernels.vectoring import joint_order
 from snakegen.robot import GRAVITY, Robot
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Imperfections
@@ -123,10 +126,12 @@ def _check_rank(robot: Robot, controller: Controller, frame: CogFrame, command: 
     sigma, least = float(command.sigma_min), controller.law.sigma_min
     if controller.mode == DUAL:
         if sigma < DUAL_SIGMA_MIN:
+            turns = joint_order(frame.mounts, command.gimbals)
+            full = rotor_map(frame.mounts, frame.rotors, turns)
+            why = frame_loss(full, controller.rotors, frame.scale, level_axes(frame.axes))
             raise MissionError(
                 f"{robot.name} starts in a singular posture: scaled σ_min(Q_trunc) "
-                f"{round(sigma, 9):.2g} is below {DUAL_SIGMA_MIN:g}; yaw needs a drag ratio and "
-                "spins that alternate between apparatuses, or a bent body."
+                f"{round(sigma, 9):.2g} is below {DUAL_SIGMA_MIN:g}; {why or 'bend the body'}."
             )
         return
     if sigma < least and controller.apparatuses > 2:  # fewer never get there, however bent
