@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from snakegen.errors import SnakegenError
-from snakegen.files import writing
 
 try:
     import fcntl
@@ -28,19 +27,32 @@ class InUseError(SnakegenError):
     """A file that another process is writing."""
 
 
+def lock_of(target: Path) -> Path:
+    """Returns the lock file of `target`, beside it."""
+    absolute = Path(target).absolute()
+    return absolute.with_name(f".{absolute.name}.lock")
+
+
 @contextmanager
-def exclusive(target: Path) -> Iterator[None]:
+def exclusive(target: Path, lock: Path | None = None) -> Iterator[None]:
     """Holds the lock of `target` for the time of the block.
+
+    Args:
+        target: file or folder to write.
+        lock: the lock file; `lock_of` the target if not given.
 
     Raises:
         InUseError: another process writes it; the message names process, user, host and start.
         SnakegenError: the folder cannot be written.
     """
     target = Path(target)
-    path = target.absolute().with_name(f".{target.name}.lock")
-    with writing(target):
+    path = lock_of(target) if lock is None else lock
+    try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle = _acquire(path, target)
+    except OSError as error:
+        reason = error.strerror or error
+        raise SnakegenError(f"{target}: cannot be written ({reason}).") from None
     try:
         yield
     finally:

@@ -1,7 +1,9 @@
 """Writing files whole or not at all: beside the target, then renamed over it."""
 
 import errno
+import glob
 import os
+import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -11,6 +13,8 @@ from threading import Event, get_ident
 from types import FrameType
 
 from snakegen.errors import SnakegenError
+from snakegen.file_lock import exclusive
+from snakegen.folder_swap import exchange_folder, move_files, must_stay
 
 INTERRUPTED = Event()
 
@@ -26,7 +30,7 @@ def _reason(error: OSError) -> str:
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Writes `content` to `path`; an error or Ctrl-C leaves what stood there before.
+    """Writes `content` to `path`, text as UTF-8; an error or Ctrl-C leaves what stood there.
 
     Raises:
         SnakegenError: the folder cannot be made or written, or the disk is full.
@@ -75,52 +79,49 @@ def check_writable(path: Path) -> None:
 
 @contextmanager
 def folder_whole(target: Path) -> Iterator[Path]:
-    """Yields an empty folder beside `target`; on success its files replace those of `target`.
+    """Yields an empty folder; on success its files replace those of `target`.
 
-    Files of `target` that the new set does not have stay. On any error `target` is untouched.
+    Files of `target` that the new set does not have stay; on any error `target` is untouched. A
+    plain folder changes as a whole, by one exchange of names. The current folder, a mount point,
+    a folder in one that cannot be written and one that holds links cannot be exchanged: there
+    each file is renamed to its place on its own, through links, which stay.
+
+    Raises:
+        SnakegenError: the folder cannot be made or written, or another process writes it.
     """
     target = Path(target)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
+    with writing(target):
         if target.exists() and not target.is_dir():
             raise SnakegenError(f"{target}: is a file; -o needs a folder.")
-        beside = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
-        beside.chmod(0o755)
-    except OSError as error:
-        raise SnakegenError(f"{target}: cannot be written ({_reason(error)}).") from None
-    try:
+        real = target.resolve()
+        inside = real.is_dir() and must_stay(real)
+        parent = real if inside else real.parent
+        parent.mkdir(parents=True, exist_ok=True)
+    with exclusive(target, parent / f".{real.name}.lock"), work_folder(parent, real) as beside:
         yield beside
         if INTERRUPTED.is_set():
             raise KeyboardInterrupt
-        _move_in(beside, target)
-    except OSError as error:
-        raise SnakegenError(f"{target}: cannot be written ({_reason(error)}).") from None
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        (move_files if inside else exchange_folder)(beside, real)
 
 
-def _move_in(new: Path, target: Path) -> None:
-    """Puts the tree `new` in the place of `target`, carrying over the files that it lacks."""
-    if not target.exists():
-        os.replace(new, target)
-        return
-    for old in sorted(target.rglob("*")):
-        copy = new / old.relative_to(target)
-        if old.is_dir():
-            copy.mkdir(exist_ok=True)
-        elif not copy.exists():
-            try:
-                os.link(old, copy)
-            except OSError:
-                shutil.copy2(old, copy)
-    retired = new.with_name(new.name + ".old")
-    os.replace(target, retired)
-    try:
-        os.replace(new, target)
-    except OSError:
-        os.replace(retired, target)
-        raise
-    shutil.rmtree(retired, ignore_errors=True)
+@contextmanager
+def work_folder(parent: Path, target: Path) -> Iterator[Path]:
+    """Yields an empty hidden folder in `parent`, removed at the end; the caller holds the lock.
+
+    Work folders of `target` that killed processes left there are removed first.
+
+    Raises:
+        SnakegenError: it cannot be made, or an error of the system within the block.
+    """
+    with writing(target):
+        for left in parent.glob(f".{glob.escape(target.name)}.*.work"):
+            shutil.rmtree(left, ignore_errors=True)
+        beside = parent / f".{target.name}.{secrets.token_hex(4)}.work"
+        beside.mkdir()  # with the permissions of the umask
+        try:
+            yield beside
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
 
 
 def replace_whole(path: Path, write: Callable[[Path], object], *, sync: bool = False) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from snakegen.errors import SnakegenError
+from snakegen.files import replace_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,11 +56,8 @@ def save(path: str | Path, size: tuple[float, float], draw: Callable[["Figure"],
         figure = Figure(figsize=size, dpi=130, layout="constrained", facecolor="white")
         FigureCanvasAgg(figure)
         draw(figure)
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            figure.savefig(path, format="png", metadata={"Software": None})
-        except OSError as error:
-            raise SnakegenError(f"{path}: cannot be written ({error.strerror}).") from None
+        metadata = {"Software": None}
+        replace_whole(path, lambda part: figure.savefig(part, format="png", metadata=metadata))
     return path
 
 

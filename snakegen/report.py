@@ -1,20 +1,21 @@
 """The page that gathers every analysis of a robot in a posture: text, JSON, Markdown with plots."""
 
 import math
-import os
 import re
 import textwrap
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NoReturn
 
 import numpy as np
 
 from snakegen import __version__
 from snakegen.analysis import catalogue
-from snakegen.errors import AnalysisError
-from snakegen.files import check_writable, require_suffix, writing
+from snakegen.errors import AnalysisError, SnakegenError
+from snakegen.file_lock import exclusive
+from snakegen.files import check_writable, require_suffix, work_folder
+from snakegen.folder_swap import move_files
 from snakegen.geometry import Floats, rpy_from_rotation
 from snakegen.posture import angles_by_name
 from snakegen.robot import Robot
@@ -135,14 +136,22 @@ def write_markdown(page: Page, path: Path) -> None:
 
     require_suffix(path, *MARKDOWN)
     check_writable(path)
-    with writing(path.parent):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as beside:
-            pictures = plots(page, Path(beside), path.stem)
+    made = not path.parent.exists()
+    folder = path.resolve().parent
+    try:
+        with exclusive(path), work_folder(folder, path) as beside:
+            try:
+                pictures = plots(page, beside, path.stem)
+            except SnakegenError as error:
+                raise SnakegenError(str(error).replace(str(beside), str(path.parent))) from None
             text = "\n".join(_markdown(page, path, pictures)) + "\n"
-            (Path(beside) / path.name).write_text(text, encoding="utf-8")
-            for file in sorted(Path(beside).iterdir()):
-                os.replace(file, path.parent / file.name)
+            (beside / path.name).write_text(text, encoding="utf-8")
+            move_files(beside, folder)
+    except SnakegenError:
+        if made:
+            with suppress(OSError):
+                path.parent.rmdir()
+        raise
 
 
 def _markdown(page: Page, path: Path, pictures: dict[str, list[Path]]) -> list[str]:

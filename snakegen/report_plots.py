@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from snakegen.files import writing
+from snakegen.files import replace_whole, writing
 
 if TYPE_CHECKING:
     from snakegen.report import Page
@@ -41,7 +41,7 @@ def shrink(path: Path) -> None:
         small = picture.convert("RGB").quantize(
             256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
         )
-    small.save(path, optimize=True)
+    replace_whole(path, lambda part: small.save(part, format="PNG", optimize=True))
 
 
 def _posture(result: Any, page: "Page", path: Path) -> bool:

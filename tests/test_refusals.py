@@ -161,9 +161,10 @@ def test_a_foreign_urdf_is_said_to_be_an_arm(run) -> None:
 
 def test_ctrl_c_of_a_sweep_says_how_to_go_on(run, monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts that are finished are kept and named; without any, the folder is as it was."""
+    from snakegen.sweep import executors
     from snakegen.sweep import run as sweeping
 
-    work, left = sweeping.work, [2]
+    work, left = executors.work, [2]
 
     def interrupted(*given: object) -> object:
         left[0] -= 1
@@ -171,7 +172,7 @@ def test_ctrl_c_of_a_sweep_says_how_to_go_on(run, monkeypatch: pytest.MonkeyPatc
             raise KeyboardInterrupt
         return work(*given)
 
-    monkeypatch.setattr(sweeping, "work", interrupted)
+    monkeypatch.setattr(executors, "work", interrupted)
     monkeypatch.setattr(sweeping, "PART", 4)
     line = ["analyze", "sweep", "dragon4", "--samples", "12", "--workers", "1", "-o", "s.parquet"]
     found = run(*line)

@@ -1,10 +1,15 @@
 """The command line: parse, call, print. Subcommands load when they run, not before."""
 
+from snakegen.cli import early  # isort: skip  (before what takes long to import)
+
 import importlib
+import io
+import locale
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import Any
 
@@ -14,6 +19,8 @@ from snakegen import __version__
 from snakegen.errors import SnakegenError
 from snakegen.files import INTERRUPTED, on_interrupt
 
+_STDOUT = "stdout"
+_INTERRUPTED = "interrupted; files are as they were."
 _COMMANDS = {
     "presets": ("snakegen.cli.presets", "List the presets, one line each."),
     "build": ("snakegen.cli.build", "Make URDF, MJCF and picture of a robot, proven to agree."),
@@ -82,6 +89,8 @@ def cli() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; a user's mistake is one line on stderr and exit code 1."""
+    if arguments is None:
+        _prepare_streams()
     # a kill asks to stop as Ctrl-C does: work folders are cleared on the way out
     INTERRUPTED.clear()
     for asked in (signal.SIGINT, signal.SIGTERM):
@@ -95,7 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except click.exceptions.Exit as error:
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt):
-        _fail("interrupted; files are as they were.", 130)
+        _fail(_INTERRUPTED, 130)
     except click.ClickException as error:
         error.show(sys.stderr)
         sys.exit(error.exit_code)
@@ -105,10 +114,60 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _silence_stdout()
         sys.exit(1)
     except OSError as error:  # a full disk, a folder without permission: not a bug
-        if error.filename is not None:
-            _fail(f"{error.filename}: {error.strerror or error}.", 1)
-        _silence_stdout()
-        _fail(f"stdout cannot be written ({error.strerror or error}).", 1)
+        if error.filename == _STDOUT:
+            _silence_stdout()
+            _fail(f"stdout cannot be written ({error.strerror or error}).", 1)
+        where = "" if error.filename is None else f"{error.filename}: "
+        _fail(f"{where}{error.strerror or error}.", 1)
+    except Exception:
+        if INTERRUPTED.is_set():  # an extension module turned Ctrl-C into an error of its own
+            _fail(_INTERRUPTED, 130)
+        raise
+    finally:
+        if arguments is None:  # libraries are cleaning up; the result is out
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+class _Stdout(io.TextIOWrapper):
+    """Stdout whose errors name it, so that other errors are not taken for its own."""
+
+    def write(self, text: str) -> int:
+        """Writes `text`."""
+        with self._named():
+            return super().write(text)
+
+    def flush(self) -> None:
+        """Writes what is in the buffer."""
+        with self._named():
+            super().flush()
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            error.filename = _STDOUT
+            raise
+
+
+def _prepare_streams() -> None:
+    """Opens what of stdin, stdout and stderr is closed on nothing; text is UTF-8 everywhere.
+
+    Libraries open their files in the locale's encoding: where that is not UTF-8, Python starts
+    again in its UTF-8 mode.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number: this one
+    buffer = os.fdopen(1, "wb") if sys.stdout is None else sys.stdout.buffer
+    line_buffering = sys.stdout is not None and sys.stdout.isatty()
+    sys.stdout = _Stdout(buffer, encoding="utf-8", line_buffering=line_buffering)
+    if sys.stderr is None:
+        sys.stderr = io.TextIOWrapper(os.fdopen(2, "wb"), encoding="utf-8")
+    if locale.getpreferredencoding(False).lower().replace("-", "") != "utf8":
+        os.execv(sys.executable, [sys.executable, "-X", "utf8", *sys.orig_argv[1:]])
 
 
 def _silence_stdout() -> None:
@@ -119,3 +178,6 @@ def _silence_stdout() -> None:
 def _fail(message: str, code: int) -> None:
     print(f"Error: {' '.join(message.split())}", file=sys.stderr)
     sys.exit(code)
+
+
+early.restore()

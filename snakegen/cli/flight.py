@@ -132,6 +132,8 @@ def flight(
             click.echo(line)
     if show:
         view(path)
+    if str(recording.meta.get("stopped", "")).startswith("interrupted"):
+        return 130  # by Ctrl-C; the log has what was flown
     return 0 if passed else 3
 
 

@@ -15,7 +15,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from snakegen.errors import LogError
+from snakegen.errors import LogError, SnakegenError
+from snakegen.files import replace_whole
 from snakegen.log.read import read
 from snakegen.log.style import TIMELINE
 from snakegen.verify.recording import Recording
@@ -95,9 +96,9 @@ def _draw_with_viewer(path: Path, png: Path, at: float, size: tuple[int, int]) -
         if not shot.is_file():
             raise LogError(f"the viewer drew no picture of {path}")
         try:
-            shutil.move(shot, png)
-        except OSError as error:
-            raise LogError(f"cannot write {png}: {error.strerror}") from None
+            replace_whole(png, lambda part: shutil.copyfile(shot, part))
+        except SnakegenError as error:
+            raise LogError(str(error)) from None
 
 
 def _wait_loaded(client: Any, opened: Any) -> None:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from snakegen.errors import LogError
+from snakegen.errors import LogError, SnakegenError
+from snakegen.files import replace_whole
 from snakegen.log import plots, style
 from snakegen.log.scene import Scene, scene, thrust_use
 from snakegen.verify.recording import Recording
@@ -50,9 +51,9 @@ def draw(recording: Recording, png: Path, at: float, size: tuple[int, int]) -> N
     verdict = recording.verdict
     figure.suptitle(_title(recording, at) + (f" — {verdict.summary()}" if verdict else ""))
     try:
-        figure.savefig(png)
-    except OSError as error:
-        raise LogError(f"cannot write {png}: {error.strerror}") from None
+        replace_whole(png, lambda part: figure.savefig(part, format="png"))
+    except SnakegenError as error:
+        raise LogError(str(error)) from None
 
 
 def _draw_body(axes: Any, recording: Recording, at: float) -> None:

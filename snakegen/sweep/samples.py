@@ -185,12 +185,15 @@ def read_table(path: Path, joints: tuple[str, ...], low: Floats, high: Floats) -
             f"{path.name} has no column '{missing[0]}'.{near(missing[0], table.column_names)} "
             "Name the joints that it has with --joints."
         )
+    for name in joints:
+        if table.column_names.count(name) > 1:
+            raise AnalysisError(f"{path.name} has the column '{name}' twice.")
+        kind = table[name].type
+        if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind)):
+            raise AnalysisError(f"{path.name}: column '{name}' holds {kind}, no angles in rad.")
     if table.num_rows == 0:
         raise AnalysisError(f"{path.name} has no rows.")
-    try:
-        values = np.stack([np.asarray(table[n], dtype=float) for n in joints], axis=1)
-    except (TypeError, ValueError):
-        raise AnalysisError(f"{path.name}: a column of angles holds text.") from None
+    values = np.stack([np.asarray(table[n], dtype=float) for n in joints], axis=1)
     bad = ~np.isfinite(values)
     out = (values < low - 1e-9) | (values > high + 1e-9)
     for what, mask in (("is not a number", bad), ("is outside the joint's limits", out)):
