@@ -157,7 +157,7 @@ def _listed_rotor(data: Any, place: str) -> Rotor:
         k: _listed_real(v, f"{place}.{k}") for k, v in values.items()
     }
     rotor = Rotor(link=str(link), axis=(axis[0] / norm, axis[1] / norm, axis[2] / norm), **numbers)
-    if not 0 <= rotor.thrust_min < rotor.thrust_max:
+    if not max(rotor.thrust_min, 0.0) < rotor.thrust_max:  # a negative least one: reversible
         raise DescriptionError(
             f"{place}: thrust limits {rotor.thrust_min:g} … {rotor.thrust_max:g} N are no range."
         )

@@ -1,6 +1,7 @@
 """Robot: a Pinocchio model and its modules, read from a URDF, the only truth."""
 
 import hashlib
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +14,7 @@ import pinocchio as pin
 from snakegen.errors import DescriptionError, PostureError, SnakegenError, near
 from snakegen.geometry import Floats, rotation_from_xyzw
 from snakegen.kernels.tree import Gimbals, Rotors, Tree
+from snakegen.margins.force_sets import ForceSets
 from snakegen.modules import Modules, from_urdf
 from snakegen.modules_file import from_file, with_servos
 from snakegen.robot_arrays import (
@@ -22,6 +24,7 @@ from snakegen.robot_arrays import (
     spinners_of,
     tree_of,
 )
+from snakegen.robot_force_sets import force_sets_at, force_shapes
 
 GRAVITY = 9.81  # m/s²
 
@@ -123,6 +126,19 @@ class Robot:
     def gimbals(self) -> Gimbals:
         """The apparatuses on plain arrays."""
         return gimbals_of(self)
+
+    @cached_property
+    def force_shapes(self) -> ForceSets:
+        """What its apparatuses can push with, in any posture."""
+        return force_shapes(self)
+
+    def force_sets(self, q: Floats) -> ForceSets:
+        """Returns what its apparatuses can push with at q: points and axes about the CoG.
+
+        Ranges are the gimbal joints' limits; points are those of q's gimbal angles. Gimbals
+        whose thrusts are of no known form raise a DescriptionError.
+        """
+        return force_sets_at(self, self.check_q(q))
 
     @cached_property
     def spinners(self) -> frozenset[int]:
@@ -229,8 +245,6 @@ def load(source: Any, *, modules: str | Path | None = None) -> Robot:
             text = path.read_text(encoding="utf-8")
         except FileNotFoundError:
             raise DescriptionError(f"{path}: no such file.") from None
-        except IsADirectoryError:
-            raise DescriptionError(f"{path}: is a folder.") from None
         except (OSError, UnicodeDecodeError) as error:
             raise DescriptionError(f"{path}: cannot be read ({error}).") from None
         return from_urdf_text(text, path, modules=modules)
@@ -261,39 +275,26 @@ def from_urdf_text(
     found = from_urdf(text)
     if modules is not None:
         found = with_servos(from_file(Path(modules), _root_link(text)), text)
-    if found is None:
-        found = Modules(floating=False)
+    found = Modules(floating=False) if found is None else found
     try:
-        model = (
-            pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
-            if found.floating
-            else pin.buildModelFromXML(text)
-        )
+        root = (pin.JointModelFreeFlyer(),) if found.floating else ()
+        model = pin.buildModelFromXML(text, *root)
     except (ValueError, RuntimeError) as error:
         raise DescriptionError(f"{path or 'URDF'}: Pinocchio cannot read it ({error}).") from None
-    for servo in found.servos:
-        if not model.existJointName(servo.joint):
-            raise DescriptionError(
-                f"servo on joint '{servo.joint}', which does not exist."
-                f"{near(servo.joint, list(model.names)[1:])}"
-            )
-        joint = model.joints[model.getJointId(servo.joint)]
-        model.armature[joint.idx_v] = servo.armature
-    for screw in found.screws:
-        if not model.existJointName(screw.joint):
-            raise DescriptionError(
-                f"screw drive on joint '{screw.joint}', which does not exist."
-                f"{near(screw.joint, list(model.names)[1:])}"
-            )
-        model.armature[model.joints[model.getJointId(screw.joint)].idx_v] = screw.armature
+    for what, parts in (("servo", found.servos), ("screw drive", found.screws)):
+        for part in parts:
+            if not model.existJointName(part.joint):
+                raise DescriptionError(
+                    f"{what} on joint '{part.joint}', which does not exist."
+                    f"{near(part.joint, list(model.names)[1:])}"
+                )
+            model.armature[model.joints[model.getJointId(part.joint)].idx_v] = part.armature
     robot = Robot(str(model.name), text, path, found, model)
     _ = robot.tree, robot.rotors, robot.gimbals  # a wrong name is an error now, not later
     return robot
 
 
 def _root_link(text: str) -> str:
-    import xml.etree.ElementTree as ET
-
     root = ET.fromstring(text)
     children = {str(e.get("link")) for e in root.iterfind("joint/child")}
     return next(str(e.get("name")) for e in root.iterfind("link") if e.get("name") not in children)

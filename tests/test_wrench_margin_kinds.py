@@ -7,12 +7,11 @@ from scipy.optimize import linprog
 
 from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
 from snakegen.errors import SnakegenError
-from snakegen.kernels.sector_support import farthest
 from snakegen.margins.controller import ball_reach, thrust_controller, vectored_controller
 from snakegen.margins.failure import thrust_failures, vectored_failures
+from snakegen.margins.force_sets import ForceSets
 from snakegen.margins.joint_limited import vectored_joint_limited
 from snakegen.margins.joint_limited_rotors import thrust_joint_limited
-from snakegen.margins.sector import hull_bounds
 from snakegen.margins.uncertainty import guaranteed_thrust, guaranteed_vectored
 
 WEIGHT = 4 * MASS * 9.81
@@ -81,8 +80,8 @@ def test_vectored_controller_of_the_table_and_its_lost_direction():
         points, _ = chain(4, posture)
         c = vectored_controller(points, 64.0, HOVER, **SCALES)
         m = vectored_margins(points, 64.0, HOVER, **SCALES)
-        assert 0 < c.force <= m.force * (1 + 1e-9) and 0 < c.torque <= m.torque
-        assert 0 < c.wrench <= m.wrench
+        assert 0 < c.force <= m.force_bounds[1] * (1 + 1e-9) and 0 < c.torque <= m.torque
+        assert 0 < c.wrench <= m.wrench_bounds[1]
     straight = vectored_controller(chain(4, "straight")[0], 64.0, HOVER, **SCALES)
     assert straight.torque == 0.0 and straight.wrench == 0.0 and straight.force > 0.0
     assert np.isnan(vectored_controller(points, 5.0, HOVER, **SCALES).force)
@@ -106,7 +105,7 @@ def test_failures_are_the_margins_of_what_is_left():
         assert f.margins.wrench == pytest.approx(left.wrench, rel=1e-9)
         assert f.margins.force == pytest.approx(left.force, rel=1e-9, nan_ok=True)
     points, _ = chain(4, "planar")
-    for j, f in enumerate(vectored_failures(points, 64.0, HOVER, **SCALES)):
+    for j, f in enumerate(vectored_failures(ForceSets.free(points, 64.0), HOVER, **SCALES)):
         left = vectored_margins(np.delete(points, j, axis=0), 64.0, HOVER, **SCALES)
         assert f.margins.wrench == pytest.approx(left.wrench, rel=1e-9)
 
@@ -127,7 +126,9 @@ def test_guaranteed_margins_hold_for_every_mass_and_limit_in_range():
     ends = [thrust_margins(q, 0, 0.85, hover * x, **scales).torque for x in (0.9, 1.1)]
     assert exact.torque == min(ends)
     points, _ = chain(4, "planar")
-    sure_v = guaranteed_vectored(points, 64.0, HOVER, mass=0.1, thrust=0.1, **SCALES)
+    sure_v = guaranteed_vectored(
+        ForceSets.free(points, 64.0), HOVER, mass=0.1, thrust=0.1, **SCALES
+    )
     assert sure_v.force == pytest.approx(4 * 64 * 0.9 - 1.1 * WEIGHT, rel=1e-3)
     with pytest.raises(SnakegenError, match=r"mass is 1.2; it must be a fraction"):
         guaranteed_thrust(q, 0, 1, hover, mass=1.2, **scales)
@@ -184,69 +185,3 @@ def test_joint_limited_rotors_stay_inside_their_rays():
         )
         shortest = min(shortest, -found.fun)
     assert shortest == pytest.approx(m.force, rel=1e-6)
-
-
-def thrust_direction(phi, theta):
-    """[sinθ, -sinφ cosθ, cosφ cosθ], link axes (THEORY A1)."""
-    return np.stack([np.sin(theta), -np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)], -1)
-
-
-def test_farthest_thrust_of_a_sector_against_a_fine_grid():
-    rng, out = np.random.default_rng(5), np.empty(3)
-    for gimbal in ([0.4, 0.7], [np.pi, 1.2], [1.0, 2.5], [2.0, np.pi]):
-        phi, theta = np.meshgrid(*(np.linspace(-g, g, 801) for g in gimbal))
-        grid = thrust_direction(phi.ravel(), theta.ravel())
-        for d in unit_ball(rng, 20, 3):
-            best, sampled = farthest(d, *gimbal, out), (grid @ d).max()
-            assert sampled - 1e-12 <= best <= sampled + 1e-4
-            assert out @ d == pytest.approx(best, abs=1e-12)
-
-
-@pytest.mark.parametrize("gimbal", [[0.5, 0.6], [np.pi, 1.0]])
-def test_hull_margins_against_linear_programs_on_a_grid_of_forces(gimbal):
-    """Along the worst direction no mixture of sampled forces gets farther, and nearly as far."""
-    points, rotations = chain(4, "spatial")
-    p, w = points / LENGTH, np.r_[HOVER[:3], 0, 0, 0] / WEIGHT
-    high, low, limits = np.full(4, 64.0 / WEIGHT), np.full(4, 0.05), np.tile(gimbal, (4, 1))
-    margins, twists = hull_bounds(p, high, w, 1e-4, low, limits, rotations)
-    phi, theta = np.meshgrid(*(np.linspace(-g, g, 41) for g in gimbal))
-    grid = thrust_direction(phi.ravel(), theta.ravel())
-    columns, owner = [], []
-    for j in range(4):
-        for strength in (low[j], high[j]):
-            force = strength * grid @ rotations[j].T
-            columns.append(np.hstack([force, np.cross(p[j], force)]))
-            owner += [j] * len(grid)
-    columns, mixture = np.vstack(columns).T, np.array(owner) == np.arange(4)[:, None]
-    for k, part in ((1, slice(0, 3)), (2, slice(3, 6))):
-        held = slice(3, 6) if k == 1 else slice(0, 3)
-        e = twists[k, part]
-        found = linprog(
-            -(e @ columns[part]),
-            A_eq=np.vstack([columns[held], mixture]),
-            b_eq=np.r_[w[held], np.ones(4)],
-        )
-        sampled = -found.fun - e @ w[part]
-        assert sampled <= margins[k] * (1 + 1e-9)
-        assert sampled >= margins[k] - 5e-3
-
-
-def test_gimbal_limits_give_a_labelled_upper_bound():
-    points, rotations = chain(4, "planar")
-    free = vectored_margins(points, 64.0, HOVER, **SCALES)
-    m = vectored_margins(
-        points, 64.0, HOVER, gimbal_limits=[0.3, 0.3], rotations=rotations, tolerance=1e-2, **SCALES
-    )
-    assert m.hull and not m.closed and np.isnan(m.force_bounds[0])
-    # sideways, an apparatus within such a cone pushes far less than its limit
-    assert 0 < m.force < 0.2 * free.force and 0 < m.torque < free.torque
-    held = vectored_margins(points, 64.0, HOVER, minimum=1.0, **SCALES)
-    assert held.hull and held.force == free.force
-    with pytest.raises(SnakegenError, match="directional"):
-        held.directional([1, 0, 0, 0, 0, 0])
-    with pytest.raises(SnakegenError, match=r"minimum\[0\] = 70 is above limits"):
-        vectored_margins(points, 64.0, HOVER, minimum=70.0, **SCALES)
-    low = vectored_margins(
-        points, 64.0, HOVER, minimum=30.0, gimbal_limits=0.1, rotations=rotations, **SCALES
-    )
-    assert not low.feasible and np.isnan(low.force)  # 120 N cannot be tilted down to 78 N

@@ -105,6 +105,7 @@ def test_a_sweep_counts_the_drag(single):
         force_scale=robot.force_scale,
         torque_scale=robot.torque_scale,
         drag=a.drag,
+        wrench_starts=0,
     )
     assert row["force_margin"] == pytest.approx(m.force_bounds[0], rel=1e-6)
     assert row["torque_margin"] == pytest.approx(m.torque_bounds[0], rel=1e-6)

@@ -17,7 +17,7 @@ from snakegen.margins.push_margin import ALLOCATORS, PushMargins
 from snakegen.margins.summary import JointLimited, Margins, Weakest
 from snakegen.margins.thrust import ThrustMargins, thrust_margins
 from snakegen.margins.uncertainty import guaranteed_thrust, guaranteed_vectored
-from snakegen.margins.vectored import VectoredMargins, vectored_margins
+from snakegen.margins.vectored import VectoredMargins, set_margins, vectored_margins
 from snakegen.robot import Robot
 
 __all__ = [
@@ -62,8 +62,9 @@ def analyze(
 ) -> Margins:
     """Returns the margins of THEORY A4 at q for both modes.
 
-    Vectored: gimbals free, each apparatus force in a ball at its point of the posture's gimbal
-    angles, the drag of its rotors along it. Dual-rotor: gimbals held at q's angles, exact.
+    Vectored: each apparatus pushes within its gimbals' and thrust limits (`Robot.force_sets`), at
+    its point of the posture's gimbal angles, the drag of its rotors along it; the lower of two
+    certified bounds is the margin. Dual-rotor: gimbals held at q's angles, exact.
 
     Raises:
         DescriptionError: no such link.
@@ -88,7 +89,8 @@ def analyze(
     closed, exact = False, dict[str, Any]({DUAL_MODE: dual})
     if robot.gimbal_names:
         free: dict[str, Any] = {"drag": a.drag} | scale
-        v = vectored_margins(a.thrust_points, limit, a.hover_wrench, tolerance=tolerance, **free)
+        sets = robot.force_sets(q)
+        v = set_margins(sets, a.hover_wrench, tolerance=tolerance, **scale)
         closed, exact[VIRTUAL_MODE] = bool(v.closed), v
         vectored = {n: _weakest(v, n, units) for n in ("wrench", "force", "torque")}
         controller["virtual_single_rotor"] = _slices(
@@ -102,8 +104,8 @@ def analyze(
         {n: _weakest(dual, n, names) for n in ("wrench", "force", "torque", "attitude_altitude")},
         controller,
         _joint_limited(robot, q, a, link or robot.root_link, tolerance, scale),
-        _guaranteed(robot, a, mass_error, thrust_error, scale),
-        _failures(robot, a, names, units, tolerance, scale) if failures else (),
+        _guaranteed(robot, q, a, mass_error, thrust_error, scale),
+        _failures(robot, q, a, names, units, tolerance, scale) if failures else (),
         tolerance,
         **scale,
         push=_pushes(robot, q, a, link or robot.root_link, exact, tolerance),
@@ -166,7 +168,7 @@ def _joint_limited(
 
 
 def _guaranteed(
-    robot: Robot, a: Allocation, mass: float, thrust: float, scale: dict[str, Any]
+    robot: Robot, q: Floats, a: Allocation, mass: float, thrust: float, scale: dict[str, Any]
 ) -> dict[str, dict[str, float]]:
     """Returns the margins that hold for mass and thrust limits this uncertain; none if exact."""
     if mass == 0.0 and thrust == 0.0:
@@ -178,9 +180,7 @@ def _guaranteed(
     )
     out = {"dual_rotor": _slices(dual) | {"attitude_altitude": float(dual.attitude_altitude)}}
     if robot.gimbal_names:
-        free = guaranteed_vectored(
-            a.thrust_points, robot.gimbals.limit, a.hover_wrench, drag=a.drag, **scale, **errors
-        )
+        free = guaranteed_vectored(robot.force_sets(q), a.hover_wrench, **scale, **errors)
         out["virtual_single_rotor"] = _slices(free) | {"wrench": float(free.wrench)}
     return out
 
@@ -191,6 +191,7 @@ def _slices(found: Any) -> dict[str, float]:
 
 def _failures(
     robot: Robot,
+    q: Floats,
     a: Any,
     names: list[str],
     units: list[str],
@@ -208,8 +209,8 @@ def _failures(
         label = names[row.index] if row.part == "rotor" else units[row.index]
         out.append(("dual_rotor", label, float(m.wrench), float(m.force), float(m.torque)))
     if robot.gimbal_names:
-        free: dict[str, Any] = {"drag": a.drag, "tolerance": tolerance} | scale
-        for row in vectored_failures(a.thrust_points, robot.gimbals.limit, a.hover_wrench, **free):
+        sets = robot.force_sets(q)
+        for row in vectored_failures(sets, a.hover_wrench, tolerance=tolerance, **scale):
             m = row.margins
             out.append(
                 (

@@ -7,8 +7,9 @@ from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
 from snakegen.margins import inputs
+from snakegen.margins.force_sets import ForceSets
 from snakegen.margins.thrust import ThrustMargins, thrust_margins
-from snakegen.margins.vectored import VectoredMargins, vectored_margins
+from snakegen.margins.vectored import VectoredMargins, set_margins
 
 
 @dataclass(frozen=True)
@@ -58,32 +59,26 @@ def thrust_failures(
 
 
 def vectored_failures(
-    points: ArrayLike,
-    limits: ArrayLike,
+    sets: ForceSets,
     hover_wrench: ArrayLike,
     *,
     force_scale: float,
     torque_scale: float,
     tolerance: float = 1e-3,
-    drag: ArrayLike = 0.0,
 ) -> list[Failure]:
-    """Returns the margins with each vectored apparatus removed.
+    """Returns the margins with each apparatus removed.
 
     In virtual-single-rotor mode both rotors of an apparatus push alike, so a lost rotor is a lost
-    apparatus. Arguments and errors: as `vectored_margins`, one posture.
+    apparatus. Arguments and errors: as `set_margins`, one posture.
     """
-    p = inputs.array("points", points, (None, 3))
-    limit = inputs.per_unit("limits", limits, len(p))
     table = []
-    for j in range(len(p)):
-        left = vectored_margins(
-            p,
-            np.where(np.arange(len(p)) == j, 0.0, limit),
+    for j in range(len(sets)):
+        left = set_margins(
+            sets.without(j),
             hover_wrench,
             force_scale=force_scale,
             torque_scale=torque_scale,
             tolerance=tolerance,
-            drag=drag,
         )
         table.append(Failure("apparatus", j, left))
     return table

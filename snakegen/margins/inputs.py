@@ -66,8 +66,9 @@ def force_map(points: Floats, drag: Floats) -> Floats:
 
 
 def limits(lower: ArrayLike, upper: ArrayLike, count: int) -> tuple[Floats, Floats]:
-    """Returns the thrust limits (count,), N, checked: 0 ≤ lower ≤ upper."""
-    low, high = per_unit("lower", lower, count), per_unit("upper", upper, count)
+    """Returns the thrust limits (count,), N, checked: lower ≤ upper; a negative one reverses."""
+    low = np.broadcast_to(array("lower", lower, (), (count,)), (count,))
+    low, high = np.ascontiguousarray(low), per_unit("upper", upper, count)
     if (low > high).any():
         at = int(np.argmax(low > high))
         raise AnalysisError(f"lower[{at}] = {low[at]:g} is above upper[{at}] = {high[at]:g}.")

@@ -17,7 +17,7 @@ _NAMES = {"attitude_altitude": "[f_z; τ]"}
 class Weakest:
     """Where a margin is reached: the direction, and what is at its limit there."""
 
-    value: float
+    value: float  # the lower bound
     bounds: tuple[float, float]  # certified lower and upper; equal where the value is exact
     direction: tuple[float, ...]  # (6,) N and N m, root-link axes
     full: tuple[str, ...]  # at their largest thrust
@@ -167,13 +167,22 @@ class Margins:
         if found["wrench"].value < 0:
             return f"hover is out of reach by {-found['wrench'].value:.3g} (scaled)"
         parts = [
-            f"force {found['force'].value:.4g} N",
-            f"torque {found['torque'].value:.4g} N m",
-            f"wrench {found['wrench'].value:.3g}",
+            f"force {_range(found['force'], 4)} N",
+            f"torque {_range(found['torque'], 4)} N m",
+            f"wrench {_range(found['wrench'], 3)}",
         ]
         if "attitude_altitude" in found:
             parts.append(f"[f_z; τ] {found['attitude_altitude'].value:.3g}")
-        return ", ".join(parts) + ("" if closed else "   (bounds did not close)")
+        return ", ".join(parts) + ("" if closed else f"   ({self._gap(found)})")
+
+    def _gap(self, found: dict[str, Weakest]) -> str:
+        """Returns how far the bounds of force and torque are apart, where above the tolerance."""
+        wide = []
+        for name in ("force", "torque"):
+            low, high = found[name].bounds
+            if not high - low <= self.tolerance * high:
+                wide.append(f"{name} by {1.0 - low / high:.1%}")
+        return f"bounds differ: {', '.join(wide)}; the lower ones are certain"
 
     def _controller(self, mode: str) -> str:
         c = self.controller.get(mode)
@@ -182,6 +191,12 @@ class Margins:
         if self._falls(mode) or not np.isfinite([c["force"], c["torque"]]).all():
             return OUT_OF_REACH
         return f"force {c['force']:.4g} N, torque {c['torque']:.4g} N m before it saturates"
+
+
+def _range(weakest: Weakest, digits: int) -> str:
+    """Returns a margin's lower bound, and the upper one where they print differently."""
+    low, high = (f"{x:.{digits}g}" for x in weakest.bounds)
+    return low if low == high else f"{low} … {high}"
 
 
 def _why(name: str, weakest: Weakest) -> str:

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from snakegen.margins import inputs
+from snakegen.margins.force_sets import ForceSets
 from snakegen.margins.thrust import ThrustMargins, thrust_margins
-from snakegen.margins.vectored import VectoredMargins, vectored_margins
+from snakegen.margins.vectored import VectoredMargins, set_margins
 
 Floats = NDArray[np.float64]
 
@@ -80,36 +81,33 @@ def guaranteed_thrust(
 
 
 def guaranteed_vectored(
-    points: ArrayLike,
-    limits: ArrayLike,
+    sets: ForceSets,
     hover_wrench: ArrayLike,
     *,
     force_scale: float,
     torque_scale: float,
     tolerance: float = 1e-3,
-    drag: ArrayLike = 0.0,
     mass: float = 0.0,
     thrust: float = 0.0,
 ) -> GuaranteedMargins:
     """Returns the lower bounds that hold for a mass ± `mass` and limits ± `thrust` (fractions).
 
-    The drag per newton is taken as known. Other arguments: as `vectored_margins`.
+    The drag per newton and gimbal limits are taken as known. Where sets are not convex the bounds
+    are those of the two ends of the mass range, not of what lies between. Other arguments: as
+    `set_margins`.
 
     Raises:
-        AnalysisError: as `vectored_margins`; fractions outside [0, 1).
+        AnalysisError: as `set_margins`; fractions outside [0, 1).
     """
     x, y = inputs.share("mass", mass), inputs.share("thrust", thrust)
-    limit = inputs.array("limits", limits, (), (None,)) * (1.0 - y)
     hover = inputs.array("hover_wrench", hover_wrench, (6,), (None, 6))
     light, heavy = (
-        vectored_margins(
-            points,
-            limit,
+        set_margins(
+            sets.weakened(y),
             hover * factor,
             force_scale=force_scale,
             torque_scale=torque_scale,
             tolerance=tolerance,
-            drag=drag,
         )
         for factor in (1.0 - x, 1.0 + x)
     )

@@ -7,12 +7,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from snakegen.errors import AnalysisError
-from snakegen.kernels import shoot, vectored
-from snakegen.margins import inputs, sector
-from snakegen.margins.wrench_search import refine, restrict
+from snakegen.kernels import limited_margins, vectored
+from snakegen.kernels.limited_margins import span_columns
+from snakegen.margins import inputs
+from snakegen.margins.force_sets import ForceSets
+from snakegen.margins.limited import ray_bounds, refine_limited
+from snakegen.margins.wrench_search import refine
 
 Floats = NDArray[np.float64]
 NAMES = ("wrench", "force", "torque")
+SHARP = 0.1  # of the tolerance, at which balls are measured where the wrench is searched
 STARTS = 16  # of the wrench search, where the caller does not say
 
 
@@ -21,16 +25,17 @@ class VectoredMargins:
     """Margins of one posture, or of m postures (then every array has m in front).
 
     Attributes:
-        bounds: (3, 2) lower and upper bound of `wrench`, `force`, `torque` (see the properties);
-            with `hull` they bound the convex hull's margin, and the lower ones are nan.
-        rank: rank of S Q_force diag(L), tolerance 1e-6 σ₁.
+        bounds: (3, 2) certified lower and upper bound of `wrench`, `force`, `torque`; `wrench` is
+            negative, and the others nan, where hover is out of reach. Where the sets are not
+            convex the upper bounds are those of their hulls, the lower ones those of convex
+            pieces, and hover within the hull that no pieces hold has a negative lower `wrench`.
+        rank: of S Q_force over the span of the sets, scaled by limits; tolerance 1e-6 σ₁.
         twists: (3, 6) directions (linear; angular, scaled) at which the upper bounds are
             reached; the lost direction where a margin is 0 for lack of rank.
         calls: (2,) support calls that the force and the torque search took.
         tolerance: asked relative gap ``(upper - lower)/upper``.
-        hull: True where gimbal limits or a minimum thrust make the set non-convex: every margin
-            is then that of its convex hull, an **upper bound** of the true one.
-        points, limits, drag, hover_wrench, scale: what was asked, as arrays.
+        sets: what the apparatuses push with.
+        hover_wrench, scale: what was asked, as arrays.
     """
 
     bounds: Floats
@@ -38,27 +43,39 @@ class VectoredMargins:
     twists: Floats
     calls: NDArray[np.int64]
     tolerance: float
-    hull: bool
-    points: Floats
-    limits: Floats
-    drag: Floats
+    sets: ForceSets
     hover_wrench: Floats
     scale: Floats
 
     @property
+    def points(self) -> Floats:
+        """(n, 3) m, where the forces act."""
+        return self.sets.points
+
+    @property
+    def limits(self) -> Floats:
+        """(n,) N, largest force of each apparatus."""
+        return self.sets.strengths
+
+    @property
+    def hull(self) -> bool:
+        """True where some set is not convex: upper bounds are then those of the sets' hulls."""
+        return not bool(self.sets.convex.all())
+
+    @property
     def wrench(self) -> Floats:
-        """Radius of the ball round hover, scaled: the least found; minus the distance outside."""
-        return self.bounds[..., 0, 1]
+        """Radius of the ball round hover, scaled: the lower bound; minus the distance outside."""
+        return self.bounds[..., 0, 0]
 
     @property
     def force(self) -> Floats:
-        """Largest force ball with torque held, N: the upper bound; nan where infeasible."""
-        return self.bounds[..., 1, 1]
+        """Largest force ball with torque held, N: the lower bound; nan where infeasible."""
+        return self.bounds[..., 1, 0]
 
     @property
     def torque(self) -> Floats:
-        """Largest torque ball with force held, N·m: the upper bound; nan where infeasible."""
-        return self.bounds[..., 2, 1]
+        """Largest torque ball with force held, N·m: the lower bound; nan where infeasible."""
+        return self.bounds[..., 2, 0]
 
     @property
     def wrench_bounds(self) -> Floats:
@@ -82,33 +99,36 @@ class VectoredMargins:
 
     @property
     def feasible(self) -> NDArray[np.bool_]:
-        """Whether some forces within the limits give the hover wrench."""
+        """Whether forces of the sets were found that give the hover wrench."""
         return self.wrench >= 0.0
 
     @property
     def closed(self) -> NDArray[np.bool_]:
-        """Whether the force and torque bounds agree to the asked tolerance."""
+        """Whether force and torque bounds agree to the tolerance, or hover is out of reach."""
         low, high = self.bounds[..., 1:, 0], self.bounds[..., 1:, 1]
         met = (high - low <= self.tolerance * high) | (high == 0.0)
-        return (met.all(axis=-1) | ~self.feasible) & (not self.hull)
+        return met.all(axis=-1) | (self.bounds[..., 0, 1] < 0.0)
 
     @cached_property
     def singular_values(self) -> Floats:
-        """Singular values of S Q_force diag(L), largest first."""
+        """Singular values of S Q_force over the sets' spans, scaled by limits, largest first."""
+        hull, spans = self.sets.hull((self.scale[0], self.scale[3])), self.sets.spans
         values = [
-            np.linalg.svd(vectored.columns(p, self.limits / self.scale[0]), compute_uv=False)
-            for p in _stack(self.points, self.drag, self.scale)
+            np.linalg.svd(
+                span_columns(hull._replace(points=p, frames=turn), spans), compute_uv=False
+            )
+            for p, turn in zip(*self.sets.stacked(self.scale), strict=True)
         ]
-        return np.array(values).reshape(*self.points.shape[:-2], -1)
+        return np.array(values).reshape(*self.sets.points.shape[:-2], -1)
 
     def __len__(self) -> int:
-        if self.points.ndim == 2:
+        if self.sets.points.ndim == 2:
             raise TypeError("margins of one posture have no length")
-        return len(self.points)
+        return len(self.sets.points)
 
     def __getitem__(self, posture: int) -> "VectoredMargins":
         """Returns the margins of one posture of a batch."""
-        if self.points.ndim == 2:
+        if self.sets.points.ndim == 2:
             raise TypeError("margins of one posture cannot be indexed")
         at = int(posture)
         return VectoredMargins(
@@ -117,16 +137,13 @@ class VectoredMargins:
             self.twists[at],
             self.calls[at],
             self.tolerance,
-            self.hull,
-            self.points[at],
-            self.limits,
-            self.drag,
+            self.sets.posture(at),
             self.hover_wrench[at],
             self.scale,
         )
 
     def directional(self, u: ArrayLike) -> Floats:
-        """Returns the largest t with ``hover_wrench + t u`` within reach (proved from below).
+        """Returns the largest t with ``hover_wrench + t u`` within reach: the lower bound.
 
         Args:
             u: (6,) wrench, N and N·m; need not be a unit vector.
@@ -135,29 +152,22 @@ class VectoredMargins:
             t, one for each posture; 0 along a lost direction, nan where hover is infeasible.
 
         Raises:
-            AnalysisError: `u` is zero, not finite or of another shape; or a hull was asked.
+            AnalysisError: `u` is zero, not finite or of another shape.
         """
+        return self.directional_bounds(u)[..., 0]
+
+    def directional_bounds(self, u: ArrayLike) -> Floats:
+        """Returns (…, 2) lower and upper bound of `directional`."""
         direction = inputs.array("u", u, (6,)) / self.scale
         if not direction.any():
             raise AnalysisError("u is zero: a direction needs a length.")
-        if self.hull:
-            raise AnalysisError("directional() is for sets without gimbal limits or minimum.")
-        force = self.scale[0]
         hover = (self.hover_wrench / self.scale).reshape(-1, 6)
-        stack = _stack(self.points, self.drag, self.scale)
         feasible = np.reshape(self.feasible, -1)
-        out = np.full(len(stack), np.nan)
+        out = np.full((len(hover), 2), np.nan)
         for i in np.flatnonzero(feasible):
-            lost = vectored.subspace(
-                vectored.columns(stack[i], self.limits / force), vectored.RANK_TOLERANCE
-            )[1]
-            if np.abs(lost.T @ direction).max(initial=0.0) > 1e-9 * np.linalg.norm(direction):
-                out[i] = 0.0
-                continue
-            twist = np.empty(6)
-            low, _ = shoot.shoot(direction, stack[i], self.limits / force, hover[i], twist)
-            out[i] = max(low, 0.0)
-        return out if self.points.ndim == 3 else out[0]
+            sets = self.sets if self.sets.points.ndim == 2 else self.sets.posture(int(i))
+            out[i] = ray_bounds(sets, direction, hover[i], self.scale, self.tolerance)
+        return out if self.sets.points.ndim == 3 else out[0]
 
     def worst(self, margin: str) -> Floats:
         """Returns the direction (…, 6) in which `margin` is reached: a wrench, N and N·m.
@@ -179,28 +189,21 @@ class VectoredMargins:
 
         One posture only (index a batch first). An apparatus has room where the worst twist does
         no work on its force (without drag: it lies on the axis), which then only balances the
-        others. Both are empty where a
-        direction is lost: then no limit is what stops the robot.
+        others, or pulls it back to its least thrust. Both are empty where a direction is lost:
+        then no limit is what stops the robot.
         """
-        if self.points.ndim == 3:
+        if self.sets.points.ndim == 3:
             raise AnalysisError("saturated() takes one posture: index the batch first.")
         at = _index(margin)
         twist = self.twists[at]
         if self.bounds[at, 1] == 0.0 or not np.isfinite(twist).all():
             return [], []
-        placed = _stack(self.points, self.drag, self.scale)[0]
+        placed = self.sets.stacked(self.scale)[0][0]
         speed = twist[:3] + np.cross(twist[3:], placed[:, :3]) + placed[:, 3:] * twist[3:]
-        speeds = np.linalg.norm(speed, axis=1)
-        full = (speeds > 1e-6 * speeds.max(initial=0.0)) & (self.limits > 0.0)
-        return np.flatnonzero(full).tolist(), np.flatnonzero(~full & (self.limits > 0)).tolist()
-
-
-def _stack(points: Floats, drag: Floats, scale: Floats) -> Floats:
-    """Returns (m, n, 4): points of application and drags, scaled, as the kernels take them."""
-    out = np.empty((points.size // (3 * drag.size) if drag.size else 1, drag.size, 4))
-    out[..., :3], out[..., 3] = points.reshape(-1, drag.size, 3), drag
-    out *= scale[0] / scale[3]
-    return out
+        work = [d @ self.sets.strongest(j, d) for j, d in enumerate(speed)]
+        able = self.sets.strengths > 0.0
+        full = (np.array(work) > 1e-6 * max(work, default=0.0)) & able
+        return np.flatnonzero(full).tolist(), np.flatnonzero(~full & able).tolist()
 
 
 def _index(margin: str) -> int:
@@ -223,74 +226,101 @@ def vectored_margins(
     rotations: ArrayLike | None = None,
     wrench_starts: int | None = None,
 ) -> VectoredMargins:
-    """Returns certified margins of ``W = {Σ (f_j, p_j × f_j + c_j f_j), ‖f_j‖ ≤ L_j}`` round hover.
-
-    Its support is ``h(v, ω) = Σ L_j ‖v + ω × p_j + c_j ω‖``; force and torque margins are inner
-    radii of slices, bracketed by a polytope of attained points and by support planes. `wrench` is
-    the best of a search from many starts, with ``a b/√(a² + b²)`` of the slices below it.
+    """Returns certified margins of apparatuses that push within their gimbal and thrust limits.
 
     Args:
         points: p, (n, 3), or (m, n, 3) for a batch: points of application from the CoG, m, at
             the posture's gimbal angles.
-        limits: L, largest force of each apparatus, N, one number or (n,).
-        hover_wrench: w0 = ``[m g Rᵀẑ; 0]``, (6,) or (m, 6), N and N·m.
-        force_scale, torque_scale: F0 = m g, N, and T0 = m g · link length, N·m.
-        tolerance: relative gap (upper - lower)/upper at which a search counts as closed.
+        limits: L, N, largest force of each apparatus, one number or (n,).
+        hover_wrench, force_scale, torque_scale, tolerance, wrench_starts: as `set_margins`.
         drag: c, m, one number or (n,): torque on the body along each force per newton, -κ s for a
             single rotor, the mean of its rotors' for an apparatus; 0 for a counter-rotating pair.
-        minimum: smallest force of each apparatus, N, one number or (n,).
-        gimbal_limits: largest |φ| and |θ|, rad, (2,) or (n, 2). With these or a minimum above 0
-            the set is non-convex: `hull` is set and every margin is its hull's, an upper bound.
-        rotations: (n, 3, 3) link axes in CoG axes, in which gimbal limits hold; one posture only.
-        wrench_starts: starts of the wrench search; by default 16 for one posture and 0 for a
-            batch, where `wrench` is the least of the slices' twists.
+        minimum: least force of each apparatus, N, one number or (n,); negative: reversible.
+        gimbal_limits: largest |φ| and |θ|, rad, one number, (2,) or (n, 2); free if absent.
+        rotations: (n, 3, 3), or (m, n, 3, 3), link axes in CoG axes, in which gimbal limits hold.
 
     Raises:
-        AnalysisError: NaN, infinite entries, wrong shapes, negative limits.
+        AnalysisError: NaN, infinite entries, wrong shapes, negative limits, a minimum above its
+            limit.
 
     Source: THEORY A2 (drag), A4; ZN23 eqs 34–36.
     """
     p = inputs.array("points", points, (None, 3), (None, None, 3))
-    limit = inputs.per_unit("limits", limits, p.shape[-2])
-    spin = inputs.drags(drag, p.shape[-2])
-    hover = inputs.hover(hover_wrench, len(p) if p.ndim == 3 else None)
+    n = p.shape[-2]
+    limit = inputs.per_unit("limits", limits, n)
+    low = np.broadcast_to(inputs.array("minimum", minimum, (), (n,)), (n,))
+    if (low > limit).any():
+        at = int(np.argmax(low > limit))
+        raise AnalysisError(f"minimum[{at}] = {low[at]:g} is above limits[{at}] = {limit[at]:g}.")
+    given = np.pi if gimbal_limits is None else gimbal_limits
+    angles = np.broadcast_to(inputs.array("gimbal_limits", given, (), (2,), (n, 2)), (n, 2))
+    if (angles < 0.0).any():
+        raise AnalysisError("gimbal_limits must not be negative: largest |φ| and |θ|, rad.")
+    turn = np.broadcast_to(np.eye(3), (n, 3, 3)) if rotations is None else rotations
+    phi, theta = (np.stack([-angles[:, k], angles[:, k]], axis=1) for k in range(2))
+    return set_margins(
+        ForceSets.checked(p, turn, low, limit, phi, theta, drag),
+        hover_wrench,
+        force_scale=force_scale,
+        torque_scale=torque_scale,
+        tolerance=tolerance,
+        wrench_starts=wrench_starts,
+    )
+
+
+def set_margins(
+    sets: ForceSets,
+    hover_wrench: ArrayLike,
+    *,
+    force_scale: float,
+    torque_scale: float,
+    tolerance: float = 1e-3,
+    wrench_starts: int | None = None,
+) -> VectoredMargins:
+    """Returns certified margins of ``W = {Σ (f_j, p_j × f_j + c_j f_j), f_j ∈ S_j}`` round hover.
+
+    With balls its support is ``h(v, ω) = Σ L_j ‖v + ω × p_j + c_j ω‖``; force and torque margins
+    are inner radii of slices, bracketed by a polytope of attained points and by support planes.
+    Other sets are bounded by their hulls from above and by convex pieces from below. `wrench` has
+    ``a b/√(a² + b²)`` of the slices below it, and the least of a search from many starts above.
+
+    Args:
+        sets: of one posture, or of a stack of m.
+        hover_wrench: w0 = ``[m g Rᵀẑ; 0]``, (6,) or (m, 6), N and N·m.
+        force_scale, torque_scale: F0 = m g, N, and T0 = m g · link length, N·m.
+        tolerance: relative gap (upper - lower)/upper at which a search counts as closed.
+        wrench_starts: starts of the wrench search; by default 16 for one posture and 0 for a
+            batch, where the bound above is the least of the slices' twists.
+
+    Raises:
+        AnalysisError: NaN, infinite entries, wrong shapes.
+    """
+    one = sets.points.ndim == 2
+    hover = inputs.hover(hover_wrench, None if one else len(sets.points))
     scale = inputs.scale(force_scale, torque_scale)
     inputs.positive("tolerance", tolerance)
-    starts = wrench_starts if wrench_starts is not None else (STARTS if p.ndim == 2 else 0)
-    live = limit > 0.0
-    stack = np.ascontiguousarray(_stack(p, spin, scale)[:, live])
+    starts = wrench_starts if wrench_starts is not None else (STARTS if one else 0)
+    stack, frames = sets.stacked(scale)
     wrenches, m = np.ascontiguousarray((hover / scale).reshape(-1, 6)), len(stack)
     bounds, twists = np.empty((m, 3, 2)), np.empty((m, 3, 6))
     rank, calls = np.empty(m, np.int64), np.empty((m, 2), np.int64)
-    strength = limit[live] / scale[0]
-    vectored.batch(stack, strength, wrenches, tolerance, bounds, twists, rank, calls)
-    for i in np.flatnonzero((bounds[:, 0, 1] < 0.0) | (starts > 0)):
-        refine(stack[i], strength, wrenches[i], bounds[i], twists[i], int(rank[i]), starts)
-    low, gimbal, turn = sector.checked(p.shape[-2], minimum, limit, gimbal_limits, rotations)
-    hull = gimbal_limits is not None or bool(low.any())
-    if hull:
-        bounds[..., 0] = np.nan
-    if gimbal_limits is not None:
-        if p.ndim == 3:
-            raise AnalysisError("gimbal_limits are for one posture at a time: rotations differ.")
-        restrict(
-            sector.hull_bounds(
-                stack[0, :, :3],
-                strength,
-                wrenches[0],
-                tolerance,
-                low[live] / scale[0],
-                gimbal[live],
-                turn[live],
-                stack[0, :, 3],
-            ),
-            bounds[0],
-            twists[0],
+    live = sets.strengths > 0.0
+    if sets.balls[live].all():
+        strength, stack = sets.strengths[live] / scale[0], np.ascontiguousarray(stack[:, live])
+        fine = tolerance * (SHARP if starts > 0 else 1.0)
+        vectored.batch(stack, strength, wrenches, fine, bounds, twists, rank, calls)
+        for i in np.flatnonzero((bounds[:, 0, 1] < 0.0) | (starts > 0)):
+            refine(stack[i], strength, wrenches[i], bounds[i], twists[i], int(rank[i]), starts)
+    else:
+        hull = sets.hull((scale[0], scale[3]))
+        limited_margins.batch(
+            hull, stack, frames, sets.spans, wrenches, tolerance, bounds, twists, rank, calls
         )
+        for i in np.flatnonzero((bounds[:, 0, 1] > 0.0) & (starts > 0)):
+            here = hull._replace(points=stack[i], frames=frames[i])
+            refine_limited(here, wrenches[i], bounds[i], twists[i], tolerance, starts)
     bounds[:, 1] *= scale[0]
     bounds[:, 2] *= scale[3]
-    if p.ndim == 2:
+    if one:
         bounds, rank, twists, calls = bounds[0], rank[0], twists[0], calls[0]
-    return VectoredMargins(
-        bounds, rank, twists, calls, tolerance, hull, p, limit, spin, hover, scale
-    )
+    return VectoredMargins(bounds, rank, twists, calls, tolerance, sets, hover, scale)

@@ -12,7 +12,7 @@ from snakegen.kernels import shoot
 Floats = NDArray[np.float64]
 
 
-def _starts(count: int, twists: Floats) -> Floats:
+def start_directions(count: int, twists: Floats) -> Floats:
     """Returns (≤ count, 6) start directions: the slices' twists, then axes and mixtures."""
     known = twists[1:][np.isfinite(twists[1:]).all(axis=1)]
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (max(count - 12, 0), 6))
@@ -55,16 +55,6 @@ def refine(
             low, twists[0] = known
         bounds[0] = -high, -low
     elif rank == 6 and starts:
-        for start in _starts(starts, twists):
+        for start in start_directions(starts, twists):
             _fall(start, p, limit, hover, bounds, twists)
         bounds[0, 0] = min(bounds[0, 0], bounds[0, 1])
-
-
-def restrict(found: tuple[Floats, Floats], bounds: Floats, twists: Floats) -> None:
-    """Lowers the balls' upper bounds to the hull's where these are less, or hover is lost."""
-    upper, directions = found
-    for k in range(3):
-        if bounds[k, 1] > upper[k]:
-            bounds[k, 1], twists[k] = upper[k], directions[k]
-    if upper[0] < 0.0:
-        bounds[1:], twists[1:] = np.nan, np.nan

@@ -1,0 +1,117 @@
+"""Force sets: what an apparatus of any kind can push with, and margins bounded from both sides."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from limited_bodies import holds, random_sets
+
+import snakegen
+from snakegen.analysis.allocation import allocation
+from snakegen.kernels import force_sets as kernel
+from snakegen.kernels.convex_pieces import pieces_into
+from snakegen.kernels.jit import jit
+from snakegen.kernels.limited_margins import empty_pieces
+from snakegen.margins.vectored import set_margins
+from snakegen.spec_file import load_spec
+
+DATA = Path(__file__).parent / "data"
+BENT = {"joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw": 1.0}
+
+
+@jit
+def hull_farthest(j, d, sets, u, f):
+    return kernel.hull_farthest(j, d, sets, u, f)
+
+
+@jit
+def piece_farthest(j, d, sets, f):
+    return kernel.piece_farthest(j, d, sets, f)
+
+
+def margins_at(robot, q, **options):
+    scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    return set_margins(robot.force_sets(q), allocation(robot, q).hover_wrench, **scale, **options)
+
+
+def test_farthest_forces_of_the_kernel_are_those_of_numpy_and_lie_in_the_set():
+    rng, f, u = np.random.default_rng(0), np.empty(3), np.empty(3)
+    for _ in range(60):
+        sets = random_sets(rng, 3)
+        hull = sets.hull()
+        for j in range(3):
+            for d in rng.normal(size=(6, 3)):
+                best = hull_farthest(j, d, hull, u, f)
+                assert best == pytest.approx(d @ sets.strongest(j, d), abs=1e-9)
+                assert holds(sets, j, f)
+
+
+def test_no_sampled_force_of_a_set_lies_farther():
+    rng = np.random.default_rng(1)
+    for _ in range(40):
+        sets = random_sets(rng, 1)
+        phi, theta = (rng.uniform(*r[0], 400) for r in (sets.phi, sets.theta))
+        unit = [np.sin(theta), -np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)]
+        forces = (
+            np.vstack([unit]).T
+            @ sets.frames[0].T
+            * rng.choice([sets.low[0], sets.high[0]], (400, 1))
+        )
+        for d in rng.normal(size=(5, 3)):
+            assert (forces @ d).max() <= d @ sets.strongest(0, d) + 1e-12
+
+
+def test_convex_pieces_lie_in_their_sets_and_hold_the_direction_asked():
+    rng, f = np.random.default_rng(2), np.empty(3)
+    for _ in range(60):
+        sets = random_sets(rng, 3)
+        hull = sets.hull()
+        convex = empty_pieces(hull)
+        pieces_into(rng.normal(size=(3, 3)), hull, convex)
+        for j in range(3):
+            corners = []
+            for d in rng.normal(size=(12, 3)):
+                assert piece_farthest(j, d, convex, f) == pytest.approx(d @ f, abs=1e-9)
+                corners.append(f.copy())
+            assert piece_farthest(j, convex.axis[j], convex, f) == pytest.approx(convex.high[j])
+            for w in rng.dirichlet(np.full(12, 0.2), 12):
+                assert holds(sets, j, w @ np.array(corners))
+
+
+@pytest.mark.parametrize(
+    ("case", "force", "torque"), [("one_axis_tilt", 19.96, 3.777), ("reversible", 5.646, 1.7455)]
+)
+def test_bodies_of_other_people(case, force, torque):
+    """Upper values from linear programs over discs and segments."""
+    robot = snakegen.load(DATA / f"{case}.urdf", modules=DATA / f"{case}.modules.yaml")
+    m = margins_at(robot, robot.configuration())
+    assert m.closed and m.rank == 6 and not m.hull
+    assert force * (1 - 1.5e-3) <= m.force <= force * (1 + 1e-4)
+    assert torque * (1 - 1.5e-3) <= m.torque <= torque * (1 + 1e-4)
+
+
+def test_four_discs_reach_no_farther_along_x_than_two_of_them_push():
+    robot = snakegen.load(DATA / "one_axis_tilt.urdf", modules=DATA / "one_axis_tilt.modules.yaml")
+    low, high = margins_at(robot, robot.configuration()).directional_bounds([1, 0, 0, 0, 0, 0])
+    assert 19.94 < low <= 19.96 and low <= high < 19.98
+
+
+def test_reversible_rotors_hover_in_any_attitude():
+    robot = snakegen.load(DATA / "reversible.urdf", modules=DATA / "reversible.modules.yaml")
+    for rpy in ((0, 0, 0), (np.pi, 0, 0), (0.5, 1.2, 0), (-1.9, 0.3, 0)):
+        m = margins_at(robot, robot.configuration(base_rpy=rpy))
+        assert m.feasible and m.closed and m.force > 3.0 and m.torque > 1.0
+
+
+def test_a_tricopter_that_cannot_hover_level_says_so():
+    robot = snakegen.load(DATA / "tricopter.urdf", modules=DATA / "tricopter.modules.yaml")
+    m = margins_at(robot, robot.configuration())
+    assert m.rank == 4 and m.closed and not m.feasible and m.wrench < 0 and np.isnan(m.force)
+
+
+def test_narrow_gimbals_of_a_chain():
+    """An independent linear program over sampled forces allows 4.66 N."""
+    narrow = [f"vectoring_apparatus.{k}_limit=0.05" for k in ("roll", "pitch")]
+    robot = snakegen.load(load_spec("dragon4", overrides=narrow))
+    m = margins_at(robot, robot.configuration(BENT))
+    assert 4.65 < m.force <= 4.664 and m.force_bounds[1] <= 4.67
