@@ -9,6 +9,7 @@ from snakegen.control.controller import MODES, flight_controller
 from snakegen.control.gains import Floats, gains_from
 from snakegen.control.poles import Loop, flight_loops
 from snakegen.robot import Robot
+from snakegen.rounding import significant
 
 COMMAND = "control"
 ORDER = 80
@@ -41,7 +42,9 @@ class Control:
         for (gains, mode), loops in self.loops.items():
             found.setdefault(gains, {})[mode] = {
                 loop.axis: {
-                    "poles_per_s": [[float(p.real), float(p.imag)] for p in loop.poles],
+                    "poles_per_s": [  # seven digits: near-double roots are known to √ε
+                        significant([p.real, p.imag], 7).tolist() for p in loop.poles
+                    ],
                     "stable": loop.stable,
                     "delay_margin_s": None
                     if np.isinf(loop.delay_margin)

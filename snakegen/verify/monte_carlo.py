@@ -135,7 +135,8 @@ def monte_carlo(
     Args:
         ready: a mission from `run.prepare`.
         count: of trials.
-        seed: the same seed gives the same trials, bit for bit, with any number of workers.
+        seed: the same seed gives the same trials with any number of workers, bit for bit on one
+            machine.
         spread: what is drawn, and how widely; the robot's own plant.uncertainty if not given.
         workers: threads; one a core if not given.
         progress: called with trials flown and trials in all.
@@ -171,7 +172,7 @@ def monte_carlo(
 def fly_again(
     ready: Ready, number: int, *, seed: int = 0, spread: Spread | None = None
 ) -> Recording:
-    """Returns the full recording of one trial of `monte_carlo`, bit for bit as it was."""
+    """Returns the full recording of one trial of `monte_carlo`, on one machine bit for bit as it was."""
     world = ready.world()
     rng = np.random.default_rng([seed, number])
     spread = spread or Spread.of(ready.robot.modules.uncertainty)

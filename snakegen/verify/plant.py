@@ -1,7 +1,7 @@
 """What a real robot adds to the ideal one: sensor noise, thrust mismatch, delay, air, battery.
 
 Every value comes from the spec's `plant` section; all random numbers of a run are drawn before it
-starts, from one generator, so that the same seed gives the same run.
+starts, from one generator, so that the same seed gives the same run on one machine.
 """
 
 from collections.abc import Sequence

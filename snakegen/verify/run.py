@@ -43,7 +43,7 @@ def run(
     Args:
         robot: any robot that the mission applies to.
         name: of the mission.
-        seed: of noise and mismatch; the same seed gives the same run, bit for bit.
+        seed: of noise and mismatch; the same seed gives the same run, bit for bit on one machine.
         gains: gain set; the robot's own choice if not given.
         allocator: "paper" or "constrained".
         ideal: perfect sensors and rotors.
