@@ -53,13 +53,16 @@ def hover_gimbals(robot: Robot, q: Floats, up: Floats | None = None) -> Floats:
     return aim_gimbals(robot, q, np.tile(vertical, (robot.gimbals.link_body.size, 1)))[0]
 
 
-def aim_gimbals(robot: Robot, q: Floats, directions: Floats) -> tuple[Floats, Floats]:
+def aim_gimbals(
+    robot: Robot, q: Floats, directions: Floats, *, limited: bool = True
+) -> tuple[Floats, Floats]:
     """Returns q with each apparatus' thrust turned to its direction, and the angles that remain.
 
     Args:
         robot: the robot.
         q: (nq,) configuration; its gimbal angles are where the search starts.
         directions: (Ñ, 3) unit, world.
+        limited: within the joints' limits; otherwise as if they turned all the way round.
 
     Returns:
         q (nq,), and (Ñ,) rad between thrust and direction: 0 where gimbals and limits allow it;
@@ -83,7 +86,9 @@ def aim_gimbals(robot: Robot, q: Floats, directions: Floats) -> tuple[Floats, Fl
         last, lower, upper, found = np.zeros(2), np.full(2, -np.pi), np.full(2, np.pi), np.zeros(2)
         turned = list(enumerate(bodies, 2 - len(bodies)))  # a single axis is the second of two
         for k, body in turned:
-            last[k], lower[k], upper[k] = angles[body - 1], low[body - 1], high[body - 1]
+            last[k] = angles[body - 1]
+            if limited:
+                lower[k], upper[k] = low[body - 1], high[body - 1]
         point_thrust(frames, j, wanted[j], last, lower, upper, found)
         for k, body in turned:
             set_angle(robot, out, robot.joint_names[body - 1], found[k])

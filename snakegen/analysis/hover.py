@@ -8,6 +8,7 @@ import numpy as np
 from snakegen.analysis.allocation import Allocation, allocation
 from snakegen.geometry import Floats
 from snakegen.kernels.bounded import box_allocation
+from snakegen.posture import aim_gimbals
 from snakegen.robot import Robot
 
 COMMAND = "hover"
@@ -29,6 +30,9 @@ class Hover:
         roll_moment_range: (Ñ,) N m, the same at its largest, one rotor full and one at minimum.
         roll_effort: (Ñ,) N m, the roll servo's limit, inf where there is no such joint.
         weight: N.
+        apparatus_min: (Ñ,) N, least thrusts.
+        beyond: (name, angle [rad]) of gimbals that eq 36's forces would turn past their limits.
+        short: (Ñ,) rad, by which each apparatus stays short of the direction of its force.
         vectored: whether gimbals turn any rotor; else there is dual-rotor mode alone.
     """
 
@@ -42,6 +46,9 @@ class Hover:
     roll_moment_range: Floats
     roll_effort: Floats
     weight: float
+    apparatus_min: Floats
+    beyond: tuple[tuple[str, float], ...]
+    short: Floats
     vectored: bool = True
 
     @property
@@ -57,10 +64,10 @@ class Hover:
     @property
     def virtual_feasible(self) -> bool:
         """Whether the least-norm forces of eq 36 hover within the limits."""
-        met = self.virtual_residual < _MET
-        return bool(
-            self.vectored and met and np.all(self.virtual_thrust <= self.apparatus_max * (1 + 1e-9))
-        )
+        met = self.virtual_residual < _MET and np.all(self.short < _MET)
+        low = self.virtual_thrust >= self.apparatus_min * (1 - 1e-9)
+        high = self.virtual_thrust <= self.apparatus_max * (1 + 1e-9)
+        return bool(self.vectored and met and np.all(low & high))
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data for a program."""
@@ -83,13 +90,17 @@ class Hover:
                 "thrust_N": self.virtual_thrust.tolist(),
                 "saturation": (self.virtual_thrust / self.apparatus_max).tolist(),
                 "residual": self.virtual_residual,
+                "thrust_min_N": self.apparatus_min.tolist(),
+                "gimbals_beyond_limits_rad": dict(self.beyond),
+                "direction_short_rad": self.short.tolist(),
             },
         }
 
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people."""
         virtual = self._row("virtual-single-rotor", self.virtual_feasible, self.virtual_thrust,
-                            self.apparatus_max, self.virtual_residual)  # fmt: skip
+                            self.apparatus_max, self.virtual_residual,
+                            self._obstacles())  # fmt: skip
         return [
             ("weight, thrust to weight", f"{self.weight:.2f} N, {self.thrust_to_weight:.2f}"),
             *([virtual] if self.vectored else []),
@@ -99,7 +110,13 @@ class Hover:
         ]  # fmt: skip
 
     def _row(
-        self, mode: str, feasible: bool, thrust: Floats, limit: Floats, residual: float
+        self,
+        mode: str,
+        feasible: bool,
+        thrust: Floats,
+        limit: Floats,
+        residual: float,
+        obstacles: str = "",
     ) -> tuple[str, str]:
         share = float(np.max(thrust / limit))
         values = " ".join(f"{t:.2f}" for t in thrust)
@@ -108,9 +125,22 @@ class Hover:
         why = (
             f"{100 * residual:.3g} % of the weight cannot be balanced"
             if residual >= _MET
-            else f"{100 * share:.0f} % of the limit"
+            else obstacles or f"{100 * share:.0f} % of the limit"
         )
         return f"hover, {mode}", f"not within limits: {values} N, {why}"
+
+    def _obstacles(self) -> str:
+        """Returns which limits of gimbals and least thrusts eq 36's forces leave, in words."""
+        parts = [f"{name} at {angle:+.3f} rad" for name, angle in self.beyond]
+        out = [f"past the limits: {', '.join(parts)}"] if parts else []
+        fixed = np.flatnonzero(self.short >= _MET) + 1
+        if len(fixed) and not parts:
+            out.append(f"apparatus {', '.join(map(str, fixed))} cannot point along its force")
+        idle = np.flatnonzero(self.virtual_thrust < self.apparatus_min * (1 - 1e-9))
+        if len(idle):
+            least = ", ".join(f"{self.apparatus_min[j]:.2f} N of apparatus {j + 1}" for j in idle)
+            out.append(f"less than the least thrust, {least}")
+        return "; ".join(out)
 
     def _servo(self) -> str:
         finite = np.isfinite(self.roll_effort)
@@ -150,6 +180,7 @@ def analyze(robot: Robot, q: Floats) -> Hover:
             for b in gimbals.roll_body
         ]
     )
+    beyond, short = _reach(robot, q, a, forces.reshape(-1, 3))
     return Hover(
         dual,
         float(np.linalg.norm(rows * (a.dual @ dual - a.hover_wrench))),
@@ -161,8 +192,37 @@ def analyze(robot: Robot, q: Floats) -> Hover:
         largest,
         effort,
         a.mass * 9.81,
+        np.bincount(rotors.apparatus, rotors.thrust_min, len(gimbals.limit)).astype(float),
+        beyond,
+        short,
         bool(robot.gimbal_names),
     )
+
+
+def _reach(
+    robot: Robot, q: Floats, a: Allocation, forces: Floats
+) -> tuple[tuple[tuple[str, float], ...], Floats]:
+    """Returns gimbals that forces (Ñ, 3), link axes, turn past their limits, and angles short.
+
+    An apparatus without a force keeps its direction.
+    """
+    base, _ = robot.base_pose(q)
+    size = np.linalg.norm(forces, axis=1)
+    asked = size > _MET * a.mass
+    up = np.einsum("nij,nj->ni", a.link_axes, forces) / np.where(asked, size, 1.0)[:, None]
+    directions = np.where(asked[:, None], up, [0.0, 0.0, 1.0]) @ base.T
+    short = np.where(asked, aim_gimbals(robot, q, directions)[1], 0.0)
+    free = robot.angles(aim_gimbals(robot, q, directions, limited=False)[0])
+    low, high, _ = robot.limits(robot.joint_names)
+    beyond = []
+    for j, apparatus in enumerate(robot.modules.apparatuses):
+        for name in (apparatus.roll, apparatus.pitch):
+            if name is None or short[j] < _MET:
+                continue
+            k = robot.joint_names.index(name)
+            if not low[k] - _MET <= free[k] <= high[k] + _MET:
+                beyond.append((name, float(free[k])))
+    return tuple(beyond), short
 
 
 def _roll_moments(robot: Robot, a: Allocation, thrust: Floats) -> tuple[Floats, Floats]:

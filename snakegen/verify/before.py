@@ -161,11 +161,39 @@ def _remedy(robot: Robot, controller: Controller, plan: Plan, frame: CogFrame) -
         if check_mode(controller, mode, robot.angles(plan.start), base).allowed:
             name = next(k for k, v in MODES.items() if v == mode)
             works.append(f"control.mode={name}")
+    works += _wider(robot, controller, plan, frame)
     stronger = _stronger(robot, controller, plan, frame)
     if stronger is not None:
         works.append(f"{stronger:.2f} times the thrust (vectoring_apparatus.thrust_max)")
     works.append("a posture whose CoG is amid the apparatuses (--option posture=FILE)")
     return "; ".join(works)
+
+
+def _wider(robot: Robot, controller: Controller, plan: Plan, frame: CogFrame) -> list[str]:
+    """Returns which limits alone keep the body from hovering: least thrusts, ranges of gimbals."""
+    idle = replace(
+        controller,
+        rotors=controller.rotors._replace(thrust_min=np.minimum(controller.rotors.thrust_min, 0.0)),
+    )
+    lower, upper = controller.law.gimbal_lower, controller.law.gimbal_upper
+    round_ = {"gimbal_lower": lower - 2.0 * np.pi, "gimbal_upper": upper + 2.0 * np.pi}
+    out, gap = [], _unmet(controller, frame, _first_command(robot, controller, plan, frame))
+    for turns, free in ((False, idle), (True, controller.with_law(**round_))):
+        command = _first_command(robot, free, plan, frame)
+        if not _unmet(free, frame, command) <= min(1e-3, 0.5 * gap):
+            continue
+        if not turns:
+            out.append("less thrust_min")
+            continue
+        beyond = (command.gimbals < lower - 1e-6) | (command.gimbals > upper + 1e-6)
+        names = [
+            f"{name} {command.gimbals[j, k]:+.3f}"
+            for j, a in enumerate(robot.modules.apparatuses)
+            for k, name in enumerate((a.roll, a.pitch))
+            if name and beyond[j, k]
+        ]
+        out.append(f"gimbals that reach {', '.join(names)} rad")
+    return out
 
 
 def _stronger(robot: Robot, controller: Controller, plan: Plan, frame: CogFrame) -> float | None:

@@ -47,6 +47,7 @@ _SHOWN = (
     ("thrust_max_n", "largest thrust", "N"),
     ("thrust_headroom", "thrust headroom", "1"),
     ("saturation_share", "ticks with a rotor at a limit", "1"),
+    ("gimbal_angle_limit_share", "ticks with a gimbal at a limit of its angle", "1"),
     ("joint_torque_use", "largest joint torque, share of its limit", "1"),
     ("gimbal_torque_use", "largest gimbal torque, share of its limit", "1"),
     ("roll_moment_use", "largest moment of λ1 − λ2 on a φ servo, share of its limit", "1"),

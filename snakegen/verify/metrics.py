@@ -21,6 +21,7 @@ from snakegen.verify.signals import (
     MAY_BE_UNDEFINED,
     at_limit,
     attitude_error,
+    gimbals_at_limit,
     held_limit,
     position_error,
 )
@@ -96,6 +97,10 @@ def _thrusts(recording: Recording, start: float, end: float) -> dict[str, Any]:
     asked = recording.channel(name).values[inside]
     busy = np.any(limited[inside], axis=1)
     out["saturation_share"] = np.mean(busy) if np.all(np.isfinite(asked)) else None
+    turned = gimbals_at_limit(recording)
+    if turned is not None:
+        kept = turned[_inside(recording.times("gimbal_command"), start, end)]
+        out["gimbal_angle_limit_share"] = _worst(np.mean(kept, axis=0), np.max)
     out["thrust_headroom"] = _worst(1.0 - thrust / upper, np.min)
     return out
 

@@ -172,7 +172,7 @@ def monte_carlo(
 def fly_again(
     ready: Ready, number: int, *, seed: int = 0, spread: Spread | None = None
 ) -> Recording:
-    """Returns the full recording of one trial of `monte_carlo`, on one machine bit for bit as it was."""
+    """Returns the full recording of one trial of `monte_carlo`; on one machine the same bits."""
     world = ready.world()
     rng = np.random.default_rng([seed, number])
     spread = spread or Spread.of(ready.robot.modules.uncertainty)

@@ -202,7 +202,7 @@ def _meta(robot: Robot, world: World, meta: dict[str, Any]) -> dict[str, Any]:
     rotors = [r for a in robot.modules.apparatuses for r in a.rotors]
     efforts = robot.limits([robot.joint_names[i] for i in world.chain])[2]
     turned = world.gimbal_joints[world.gimbal_joints >= 0]
-    gimbal_efforts = robot.limits([robot.joint_names[i] for i in turned])[2]
+    lower, upper, gimbal_efforts = robot.limits([robot.joint_names[i] for i in turned])
     return {
         "robot": robot.name,
         "version": __version__,
@@ -215,6 +215,8 @@ def _meta(robot: Robot, world: World, meta: dict[str, Any]) -> dict[str, Any]:
             "thrust_max": [r.thrust_max for r in rotors],
             "joint_torque": efforts.tolist(),
             "gimbal_torque": gimbal_efforts.tolist(),
+            "gimbal_lower": lower.tolist(),
+            "gimbal_upper": upper.tolist(),
             "roll_moment": robot.limits(_Names(robot, world).rolls)[2].tolist(),
         },
         "power_model": f"thrust^1.5/sqrt(2 rho A)/{FIGURE_OF_MERIT}, rho {AIR}",

@@ -213,5 +213,7 @@ def judge(recording: Recording, plan: Plan) -> Recording:
     found = metrics(recording)
     found["completed"] = not recording.meta["stopped"]
     bounds = {"completed": {"equals": True}} | FLIGHT_THRESHOLDS | plan.thresholds
+    if "saturation_share" in bounds and "gimbal_angle_limit_share" in found:
+        bounds["gimbal_angle_limit_share"] = bounds["saturation_share"]
     judged = recording.judged(found, judged_verdict(recording, found, bounds))
     return replace(judged, report=flight_report(judged))

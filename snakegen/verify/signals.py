@@ -20,6 +20,8 @@ MAY_BE_UNDEFINED = frozenset(
     }
 )  # channels in which NaN says "not defined here"
 
+WHOLE_TURN = 2e-3  # rad: limits of ±3.14 mean a whole turn
+
 
 def position_error(recording: Recording) -> Floats:
     """Returns target − position, (T, 3) m, at the times of `position`."""
@@ -79,3 +81,23 @@ def at_limit(recording: Recording) -> NDArray[np.bool_] | None:
     lower = np.zeros_like(upper) if lower is None else lower
     slack = AT_LIMIT * (upper - lower)
     return np.asarray((asked >= upper - slack) | (asked <= lower + slack))
+
+
+def gimbals_at_limit(recording: Recording) -> NDArray[np.bool_] | None:
+    """Returns whether each gimbal's command is at an end of its range, (T, k).
+
+    None where no gimbal has limits: a range of a whole turn is none.
+    """
+    limits = recording.meta.get("limits", {})
+    if "gimbal_command" not in recording.channels or "gimbal_lower" not in limits:
+        return None
+    asked = recording.channel("gimbal_command").values
+    lower = held_limit(recording, "gimbal_lower", asked.shape[1])
+    upper = held_limit(recording, "gimbal_upper", asked.shape[1])
+    if lower is None or upper is None:
+        return None
+    held = upper - lower < 2.0 * np.pi - WHOLE_TURN
+    if not held.any():
+        return None
+    slack = AT_LIMIT * (upper - lower)
+    return np.asarray(held & ((asked >= upper - slack) | (asked <= lower + slack)))

@@ -20,6 +20,7 @@ from snakegen.verify.signals import (
     MAY_BE_UNDEFINED,
     at_limit,
     attitude_error,
+    gimbals_at_limit,
     held_limit,
     position_error,
 )
@@ -200,6 +201,14 @@ def _saturation(recording: Recording) -> Trace | None:
     return Trace(recording.times(name), found.astype(float), labels, mean=True)
 
 
+def _gimbal_limit(recording: Recording) -> Trace | None:
+    found = gimbals_at_limit(recording)
+    if found is None:
+        return None
+    labels = tuple(recording.channel("gimbal_command").labels)
+    return Trace(recording.times("gimbal_command"), found.astype(float), labels, mean=True)
+
+
 def _floor(recording: Recording) -> Trace | None:
     """Returns the floor's force, else how far the robot is below 0.1 mm."""
     if "floor_contact" in recording.channels:
@@ -311,6 +320,7 @@ _TRACES: dict[str, Callable[[Recording], Trace | None]] = {
     "attitude_rmse_rad": _error("attitude", mean=True),
     "attitude_max_rad": _error("attitude", mean=False),
     "saturation_share": _saturation,
+    "gimbal_angle_limit_share": _gimbal_limit,
     "distance_rmse_m": _state_error(0, 2, mean=True),
     "distance_rmse_settled_m": _state_error(0, 2, mean=True),
     "distance_end_m": _last(_state_error(0, 2, mean=False)),

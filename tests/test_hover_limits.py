@@ -1,0 +1,90 @@
+"""Limits of gimbals and least thrusts move hover, refusals and verdicts by the right amount."""
+
+import numpy as np
+import pytest
+
+import snakegen
+from snakegen.analysis import hover
+from snakegen.errors import MissionError
+from snakegen.posture import hover_gimbals
+from snakegen.robot import Robot
+from snakegen.spec_file import load_spec
+from snakegen.verify.run import prepare, run
+
+BEND = {"joint1_pitch": 0.8, "joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw": 1.0}
+ARC = {"joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw": 1.0}
+
+
+def limited(limit: float = 3.14159265, least: float = 0.0) -> Robot:
+    """Returns dragon4 with gimbals of ±limit [rad] and a least thrust [N] of each rotor."""
+    section = "vectoring_apparatus"
+    given = {"roll_limit": limit, "pitch_limit": limit, "thrust_min": least}
+    return snakegen.load(
+        load_spec("dragon4", overrides=[f"{section}.{k}={v}" for k, v in given.items()])
+    )
+
+
+def hovering(robot: Robot, posture: dict[str, float]) -> hover.Hover:
+    return hover.analyze(robot, hover_gimbals(robot, robot.configuration(posture)))
+
+
+def test_hover_names_the_gimbals_that_leave_their_limits() -> None:
+    """One gimbal is left just below the limit at which hover passes: it asks for that angle."""
+    free = limited()
+    q = hover_gimbals(free, free.configuration(BEND))
+    a = hover.analyze(free, q)
+    assert a.virtual_feasible and a.beyond == () and a.short.max() < 1e-9
+    narrow = hovering(limited(0.05), BEND)
+    assert not narrow.virtual_feasible
+    angles = dict(narrow.beyond)
+    assert set(angles) == {f"gimbal{j}_{k}" for j in (2, 3, 4) for k in ("roll", "pitch")}
+    assert narrow.to_json()["virtual_single_rotor"]["gimbals_beyond_limits_rad"] == angles
+    low, high = 0.05, 1.5
+    while high - low > 2e-2:
+        middle = 0.5 * (low + high)
+        if hovering(limited(middle), BEND).virtual_feasible:
+            high = middle
+        else:
+            low = middle
+    left = hovering(limited(low), BEND)
+    ((name, angle),) = left.beyond
+    assert low < abs(angle) < high + 1e-2 and name.startswith("gimbal")
+    assert 0 < left.short.max() <= abs(angle) - low + 1e-9
+
+
+def test_least_thrust_counts_in_virtual_hover() -> None:
+    """A least thrust just below what hover asks of the idlest apparatus passes; above, not."""
+    asked = hovering(limited(), ARC).virtual_thrust.min() / 2
+    below, above = (hovering(limited(least=asked + d), ARC) for d in (-0.01, 0.01))
+    assert below.virtual_feasible and not above.virtual_feasible
+    assert np.allclose(above.apparatus_min, 2 * (asked + 0.01))
+    assert any("least thrust" in text for _, text in above.rows())
+
+
+@pytest.mark.parametrize(
+    "limit, least, remedy",
+    [(0.05, 0.0, "gimbals that reach gimbal2_roll -0.7"), (3.1, 9.9, "less")],
+)
+def test_a_start_out_of_limits_is_refused_with_its_remedy(
+    limit: float, least: float, remedy: str
+) -> None:
+    """Missions refuse what neither limits of gimbals nor least thrusts let hover."""
+    robot = limited(limit, least)
+    posture = BEND if least == 0.0 else ARC
+    with pytest.raises(MissionError, match=remedy):
+        prepare(robot, "hover", options={"posture": posture})
+    prepare(limited(1.0, 9.0), "hover", options={"posture": posture})
+
+
+def test_the_verdict_names_gimbals_at_their_limits() -> None:
+    """A body hovers on gimbals of ±0.05 rad; at ±0.01 the verdict fails and names a gimbal."""
+    shares = {}
+    for limit in (3.14159265, 0.05, 0.01):
+        recording = run(limited(limit), "hover", options={"duration": 2.0, "posture": ARC})
+        checks = {c.metric: c for c in recording.verdict.checks}
+        shares[limit] = checks.get("gimbal_angle_limit_share")
+        command = recording.channel("gimbal_command").values
+        assert np.abs(command).max() <= limit + 1e-9
+    assert shares[3.14159265] is None and shares[0.05].passed
+    assert not shares[0.01].passed and shares[0.01].value > 0.5
+    assert "gimbal" in shares[0.01].worst.part
