@@ -9,7 +9,6 @@ be written kernels compile in memory.
 import ast
 import hashlib
 import os
-import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -18,7 +17,7 @@ from typing import Any, TypeVar
 import numba
 from numba.core import config
 
-from snakegen.kernels.kernel_cache import KernelCache
+from snakegen.kernels.kernel_cache import KernelCache, note, prepare_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 numba_config: Any = config
@@ -53,7 +52,8 @@ def sources(name: str) -> list[Path]:
 def cache_folder(name: str) -> Path | None:
     """Returns the folder for the compiled kernels of module `name`; None where none is writable.
 
-    Tried in order: ``$SNAKEGEN_CACHE_DIR``, ``$XDG_CACHE_HOME``, ``~/.cache``.
+    Tried in order: ``$SNAKEGEN_CACHE_DIR``, ``$XDG_CACHE_HOME``, ``~/.cache``. A folder that
+    another user owns or may write is not used: its entries are code.
     """
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sources(name):
@@ -63,14 +63,15 @@ def cache_folder(name: str) -> Path | None:
         os.environ.get("XDG_CACHE_HOME"),
         os.path.expanduser("~/.cache"),
     )
+    refused = ""
     for root in filter(None, roots):
         folder = Path(root) / "snakegen" / f"{name}-{digest.hexdigest()[:16]}"
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                return folder
-        except OSError:
-            continue
+            prepare_folder(folder, name)
+            return folder
+        except OSError as error:
+            refused = f"{folder.parent}: {error.strerror or error}"
+    note(f"kernel cache {refused or 'without a folder'}; compiling in memory")
     return None
 
 

@@ -6,12 +6,16 @@ the sources, the file name a hash of signature, processor and byte code, and a f
 does not match is removed and compiled again. A full or unwritable disk costs a note, once.
 """
 
+import errno
 import hashlib
 import os
 import pickle
 import re
+import shutil
+import stat
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,7 +24,44 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLoca
 
 _CHECKSUM = 32  # bytes of SHA-256 in front of each entry
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
+_MONTH = 30 * 86400.0  # s
+_KEPT = 24  # folders of a kernel module: versions of snakegen and working copies side by side
 _noted: set[str] = set()  # one note a process
+
+
+def prepare_folder(folder: Path, name: str) -> None:
+    """Makes the folder of a kernel module's entries and marks it as used today.
+
+    A new one is the occasion to remove those of earlier sources of the module: all that were not
+    used for a month, and the longest unused beyond `_KEPT`.
+
+    Raises:
+        OSError: it cannot be made or written, or others than this user may write it.
+    """
+    new = not folder.is_dir()
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in (folder, folder.parent):
+        state = path.stat()
+        foreign = hasattr(os, "getuid") and state.st_uid != os.getuid()
+        if foreign or state.st_mode & stat.S_IWOTH:
+            raise PermissionError(errno.EPERM, "others than this user may write it")
+    with tempfile.TemporaryFile(dir=folder):
+        os.utime(folder)
+    if new:
+        remove_unused(folder.parent, name, keep=folder)
+
+
+def remove_unused(root: Path, name: str, keep: Path) -> None:
+    """Removes folders of module `name` that were not used for a month or are too many."""
+    now, ages = time.time(), []
+    for path in root.glob(f"{name}-{'[0-9a-f]' * 16}"):
+        try:
+            ages.append((now - path.stat().st_mtime, path))
+        except OSError:
+            continue
+    for rank, (age, path) in enumerate(sorted(ages)):
+        if path != keep and (age > _MONTH or rank >= _KEPT):
+            shutil.rmtree(path, ignore_errors=True)  # whoever uses it compiles again
 
 
 class _Locator(_CacheLocator):
@@ -72,6 +113,7 @@ class Entries:
         path, payload = self.path(key), pickle.dumps(data, protocol=pickle.HIGHEST_PROTOCOL)
         temporary = ""
         try:
+            self._folder.mkdir(parents=True, exist_ok=True)
             handle, temporary = tempfile.mkstemp(dir=self._folder, prefix=path.stem, suffix=".part")
             with os.fdopen(handle, "wb") as file:
                 file.write(hashlib.sha256(payload).digest() + payload)
