@@ -94,7 +94,8 @@ def _margin_map(first: int, title: str, unit: str) -> Callable[[Any, "Page", Pat
 
     def draw(result: Any, page: "Page", path: Path) -> bool:
         from snakegen.analysis.allocation import allocation
-        from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
+        from snakegen.margins.thrust import thrust_margins
+        from snakegen.margins.vectored import set_margins
         from snakegen.plot import margin_map, sphere_grid
 
         robot = page.robot
@@ -105,8 +106,7 @@ def _margin_map(first: int, title: str, unit: str) -> Callable[[Any, "Page", Pat
         }
         margins: Any
         if robot.gimbal_names:
-            limit = robot.gimbals.limit
-            margins = vectored_margins(a.thrust_points, limit, a.hover_wrench, drag=a.drag, **scale)
+            margins = set_margins(robot.force_sets(page.q), a.hover_wrench, **scale)
         else:
             low, high = robot.rotors.thrust_min, robot.rotors.thrust_max
             margins = thrust_margins(a.dual, low, high, a.hover_wrench, **scale)

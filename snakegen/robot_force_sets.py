@@ -50,7 +50,30 @@ def force_shapes(robot: "Robot") -> ForceSets:
 def force_sets_at(robot: "Robot", q: Floats) -> ForceSets:
     """Returns the sets at q, points and axes about the CoG in the root link's axes."""
     base, origin = robot.base_pose(q)
-    rotation, position = forward(robot.tree, base, origin, robot.angles(q))
+    return _placed(robot, base, origin, robot.angles(q))
+
+
+def force_sets_along(robot: "Robot", bases: Floats, origins: Floats, angles: Floats) -> ForceSets:
+    """Returns the sets of m postures as one stack, points and axes about each CoG.
+
+    Args:
+        robot: whose they are.
+        bases, origins: (m, 3, 3) and (m, 3) m, of the root link.
+        angles: (m, n-1) rad, in the tree's order.
+    """
+    shapes, rows = robot.force_shapes, len(bases)
+    points = np.empty((rows, len(shapes), 3))
+    frames = np.empty((rows, len(shapes), 3, 3))
+    for k, (base, origin, at) in enumerate(zip(bases, origins, angles, strict=True)):
+        here = _placed(robot, base, origin, at)
+        points[k], frames[k] = here.points, here.frames
+    return replace(shapes, points=points, frames=frames)
+
+
+def _placed(robot: "Robot", base: Floats, origin: Floats, angles: Floats) -> ForceSets:
+    """Returns the sets of one posture."""
+    base, origin, angles = (np.ascontiguousarray(x) for x in (base, origin, angles))
+    rotation, position = forward(robot.tree, base, origin, angles)
     _, cog, _ = mass_properties(robot.tree, rotation, position)
     m, _ = mounts(robot.tree, robot.rotors, robot.gimbals, rotation, position, cog, base)
     points = thrust_points(robot.gimbals, rotation, position, cog, base)

@@ -5,7 +5,9 @@ import pytest
 
 import snakegen
 from snakegen.analysis import hover
+from snakegen.analysis.allocation import allocation
 from snakegen.errors import MissionError
+from snakegen.margins.vectored import set_margins, vectored_margins
 from snakegen.posture import hover_gimbals
 from snakegen.robot import Robot
 from snakegen.spec_file import load_spec
@@ -74,6 +76,24 @@ def test_a_start_out_of_limits_is_refused_with_its_remedy(
     with pytest.raises(MissionError, match=remedy):
         prepare(robot, "hover", options={"posture": posture})
     prepare(limited(1.0, 9.0), "hover", options={"posture": posture})
+
+
+def test_margins_of_logs_count_gimbal_limits_and_least_thrusts() -> None:
+    """A log's margins are those of the force sets at its postures, far below those of balls."""
+    cases = ((limited(0.05), -1, 0.2), (limited(0.2), -1, 0.6), (limited(least=8.5), 0, 0.9))
+    for robot, row, most in cases:
+        recording = run(robot, "hover", options={"duration": 0.5, "trim": 0.0, "posture": ARC})
+        time = recording.times("force_margin")[row]
+        at = np.searchsorted(recording.times("q"), time - 1e-9)
+        a = allocation(robot, recording.channel("q").values[at])
+        sets = robot.force_sets(recording.channel("q").values[at])
+        scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+        m = set_margins(sets, a.hover_wrench, tolerance=1e-2, **scale)
+        for name in ("force", "torque"):
+            logged = recording.channel(f"{name}_margin").values[row, 0]
+            assert logged == pytest.approx(getattr(m, name), rel=2e-2)
+        balls = vectored_margins(a.thrust_points, robot.gimbals.limit, a.hover_wrench, **scale)
+        assert 0.0 < recording.channel("force_margin").values[row, 0] < most * balls.force
 
 
 def test_the_verdict_names_gimbals_at_their_limits() -> None:

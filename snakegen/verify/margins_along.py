@@ -4,6 +4,8 @@ A rotor that stops is missing from its instant on, before the controller knows o
 single rotor needs both rotors of its apparatus: one lost takes the whole apparatus out.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +19,10 @@ from snakegen.kernels.history import maps_history
 from snakegen.kernels.spd import least_singular_value
 from snakegen.kernels.underactuated import level_axes, rotor_map, truncated
 from snakegen.kernels.vectoring import joint_order
-from snakegen.kernels.wrench_map import mean_drag
+from snakegen.margins.thrust import thrust_margins
+from snakegen.margins.vectored import set_margins
 from snakegen.robot import Robot
+from snakegen.robot_force_sets import force_sets_along
 from snakegen.verify.plan import Plan
 
 States = tuple[Floats, Floats, Floats]  # base attitude (m, 3, 3), position (m, 3), angles (m, n-1)
@@ -49,29 +53,45 @@ def margins_along(
     hover[:, :3] = robot.force_scale * states[0][:, 2]
     for (mode, lost), members in groups.items():
         left = controller.without(lost) if lost else controller
-        found = _margins(robot, left, mode, maps[0][members], maps[1][members], hover[members])
+        if mode == VIRTUAL:
+            found = _vectored(robot, left, maps[0][members], [s[members] for s in states],
+                              hover[members])  # fmt: skip
+        else:
+            found = _thrusts(robot, left, maps[1][members], hover[members])
         for name, values in found.items():
             out.setdefault(name, np.full(len(rows), np.nan))[members] = values
     return out
 
 
-def _margins(
-    robot: Robot, controller: Controller, mode: int, points: Floats, dual: Floats, hover: Floats
+def _vectored(
+    robot: Robot, controller: Controller, points: Floats, states: Sequence[Floats], hover: Floats
 ) -> dict[str, Floats]:
-    """Returns the margins of a mode with a controller's limits, row by row."""
-    from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
+    """Returns the margins of virtual single rotors within gimbal limits and least thrusts.
 
+    Certain (lower) bounds, row by row; where all sets are balls the maps at hand are enough.
+    """
+    lost = np.flatnonzero(controller.gimbals.limit <= 0.0)
+    shapes = robot.force_shapes.without(lost)
+    if shapes.balls.all():
+        sets = replace(shapes, points=points)
+    else:
+        sets = force_sets_along(robot, *states).without(lost)
     scales: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
-    if mode == VIRTUAL:
-        limit = controller.gimbals.limit
-        drag = mean_drag(robot.rotors, limit.size)
-        m: Any = vectored_margins(points, limit, hover, tolerance=1e-2, drag=drag, **scales)
-        return {
-            "wrench_margin": m.wrench,
-            "force_margin": m.force_bounds[:, 0],
-            "torque_margin": m.torque_bounds[:, 0],
-        }
+    m = set_margins(sets, hover, tolerance=1e-2, **scales)
+    wrench = np.asarray(m.wrench_bounds)[:, 0]
+    return {
+        "wrench_margin": np.where(np.isfinite(wrench), wrench, np.nan),  # -inf: no bound is known
+        "force_margin": m.force_bounds[:, 0],
+        "torque_margin": m.torque_bounds[:, 0],
+    }
+
+
+def _thrusts(
+    robot: Robot, controller: Controller, dual: Floats, hover: Floats
+) -> dict[str, Floats]:
+    """Returns the wrench margin of ``[f_z; τ]`` with a controller's thrust limits, row by row."""
     rotors = controller.rotors
+    scales: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
     m = thrust_margins(dual, rotors.thrust_min, rotors.thrust_max, hover, **scales)
     return {"wrench_margin": m.attitude_altitude}
 

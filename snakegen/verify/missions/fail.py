@@ -86,11 +86,12 @@ def rotors_named(robot: Robot, lost: str) -> tuple[int, ...]:
 def margin_without(robot: Robot, q: Any, rotors: tuple[int, ...]) -> float:
     """Returns the scaled wrench margin of the robot's mode without `rotors`; negative: it falls.
 
-    Dual-rotor mode: the exact margin of [f_z; τ]. Virtual single rotor: the vectored margin
-    without the whole apparatus.
+    Dual-rotor mode: the exact margin of [f_z; τ]. Virtual single rotor: the certain margin without
+    the whole apparatus, within gimbal limits and least thrusts.
     """
     from snakegen.analysis.allocation import allocation
-    from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
+    from snakegen.margins.thrust import thrust_margins
+    from snakegen.margins.vectored import set_margins
 
     a = allocation(robot, q)
     scale: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
@@ -100,7 +101,5 @@ def margin_without(robot: Robot, q: Any, rotors: tuple[int, ...]) -> float:
         least = np.minimum(robot.rotors.thrust_min, most)
         found = thrust_margins(a.dual, least, most, a.hover_wrench, **scale)
         return float(found.attitude_altitude)
-    limit = np.array(robot.gimbals.limit)
-    limit[robot.rotors.apparatus[list(rotors)]] = 0.0
-    free = vectored_margins(a.thrust_points, limit, a.hover_wrench, drag=a.drag, **scale)
-    return float(free.wrench)
+    left = robot.force_sets(q).without(robot.rotors.apparatus[list(rotors)])
+    return float(set_margins(left, a.hover_wrench, **scale).wrench)
