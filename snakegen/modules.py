@@ -6,7 +6,7 @@ URDF cannot say where thrust acts or how strong a servo is. A URDF from snakegen
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
-from math import hypot
+from math import hypot, inf
 from typing import Any, cast
 
 from snakegen.modules_element import find_element
@@ -90,6 +90,22 @@ class Mount:
 
 
 @dataclass(frozen=True)
+class Cables:
+    """Cables of an arm, as in the spec."""
+
+    count: int = 3
+    radius: float = 0.03  # m
+    phase: float = 0.0  # rad
+    standoff: float = 0.02  # m
+    sheathed: bool = False
+    minimum: float = 5.0  # N
+    maximum: float = inf  # N
+    stiffness: float = 5e4  # N/m, of a winch
+    elasticity: float = inf  # N, EA
+    friction: float = 0.0
+
+
+@dataclass(frozen=True)
 class Modules:
     """Everything that analyses, plant and controller need beside the URDF proper."""
 
@@ -100,6 +116,7 @@ class Modules:
     screws: tuple[Screw, ...] = ()
     casters: tuple[Caster, ...] = ()
     mount: Mount | None = None  # None: free, or nobody knows
+    cables: Cables | None = None
     control: dict[str, Any] = field(default_factory=dict)
     gain_sets: dict[str, dict[str, Any]] = field(default_factory=dict)
     plant: dict[str, float] = field(default_factory=dict)
@@ -117,7 +134,7 @@ def from_urdf(text: str) -> Modules | None:
         return None
     control = element.find("control")
     plant, uncertainty = element.find("plant"), element.find("plant/uncertainty")
-    mount = element.find("mount")
+    mount, cables = element.find("mount"), element.find("cables")
     return Modules(
         floating=element.get("base") == "floating",
         lengths={e.attrib["name"]: _real(e, "length") for e in element.findall("link")},
@@ -126,6 +143,7 @@ def from_urdf(text: str) -> Modules | None:
         screws=tuple(_screw(e) for e in element.findall("screw_drive")),
         casters=tuple(_fill(Caster, e) for e in element.findall("caster")),
         mount=None if mount is None else _fill(Mount, mount),
+        cables=None if cables is None else _cables(cables),
         control={} if control is None else _attributes(control),
         gain_sets={}
         if control is None
@@ -147,6 +165,12 @@ def _apparatus(element: ET.Element) -> Apparatus:
         axis = (x, y, z) if abs(norm - 1.0) < 1e-9 else (x / norm, y / norm, z / norm)
         rotors.append(_fill(Rotor, e, axis=axis))
     return Apparatus(tuple(rotors), element.get("roll"), element.get("pitch"), element.get("link"))
+
+
+def _cables(element: ET.Element) -> Cables:
+    given = {"count": int(_real(element, "count"))} if "count" in element.attrib else {}
+    sheathed = bool(float(element.get("sheathed", "0")))
+    return cast(Cables, _fill(Cables, element, sheathed=sheathed, **given))
 
 
 def _screw(element: ET.Element) -> Screw:

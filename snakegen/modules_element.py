@@ -41,6 +41,11 @@ def _not_negative(text: str) -> None:
     _number(text, 0.0)
 
 
+def _limit(text: str) -> None:
+    if text != "inf":
+        _positive(text)
+
+
 def _share(text: str) -> None:
     if not 0.0 <= _number(text) <= 1.0:
         raise ValueError("a share from 0 to 1 is needed")
@@ -54,6 +59,11 @@ def _count(text: str) -> None:
 def _spin(text: str) -> None:
     if _number(text) not in (-1.0, 0.0, 1.0):
         raise ValueError("1, -1 or 0 is needed")
+
+
+def _switch(text: str) -> None:
+    if text not in ("0", "1"):
+        raise ValueError("0 or 1 is needed")
 
 
 def _axis(text: str) -> None:
@@ -98,6 +108,11 @@ _FIELDS: dict[str, dict[str, Check]] = {
         "armature": _not_negative,
     },
     "caster": {"link": _name, "track": _not_negative, "radius": _positive},
+    "cables": {
+        "count": _count, "radius": _positive, "phase": _real, "standoff": _positive,
+        "sheathed": _switch, "minimum": _not_negative, "maximum": _limit,
+        "stiffness": _positive, "elasticity": _limit, "friction": _not_negative,
+    },
     "mount": {"pose": _pose, "height": _not_negative},
 }  # fmt: skip
 _NEEDED = {
@@ -111,8 +126,8 @@ _NEEDED = {
 }
 _WITHIN = {
     "snakegen": (
-        "link", "servo", "vectoring_apparatus", "screw_drive", "caster", "mount", "control",
-        "plant",
+        "link", "servo", "vectoring_apparatus", "screw_drive", "caster", "mount", "cables",
+        "control", "plant",
     ),
     "vectoring_apparatus": ("rotor",),
     "control": ("gains",),
@@ -120,8 +135,8 @@ _WITHIN = {
 }  # fmt: skip
 _MOST = {  # elements of a kind in all
     "link": 1000, "servo": 10_000, "vectoring_apparatus": 1000, "rotor": 2000,
-    "screw_drive": 1000, "caster": 1000, "mount": 1, "control": 1, "plant": 1, "gains": 100,
-    "uncertainty": 1,
+    "screw_drive": 1000, "caster": 1000, "mount": 1, "cables": 1, "control": 1, "plant": 1,
+    "gains": 100, "uncertainty": 1,
 }  # fmt: skip
 _UNIQUE = {  # what two elements must not share
     "link": ("name",), "servo": ("joint",), "rotor": ("link",), "screw_drive": ("joint",),

@@ -23,6 +23,7 @@ from snakegen.places import (
     spread,
 )
 from snakegen.spec_base import AnyBase
+from snakegen.spec_cables import Cables
 from snakegen.spec_modules import Caster, Payload, ScrewDrive, Servo, VectoringApparatus
 from snakegen.yaml_file import refuse_executable
 
@@ -249,6 +250,7 @@ class RobotSpec(Part):
     screw_drive: ScrewDrive | None = Field(None, description="drums with passive wheels")
     caster: Caster | None = Field(None, description="balls that hold the body upright")
     payload: Payload | None = Field(None, description="lumps fixed to links")
+    cables: Cables | None = Field(None, description="cables of an arm, for `analyze cables`")
     control: Control = Field(Control(), description="which law flies the robot, and its gains")
     plant: Plant = Field(Plant(), description="what is imperfect in the simulated robot")
 
@@ -277,6 +279,8 @@ class RobotSpec(Part):
 
         if info.context is not None:
             self.__dict__["folder"] = Path(info.context["folder"])
+        if self.cables is not None and self.base == "floating":
+            raise ValueError("cables: they start at a fixed base; this one is floating")
         resolve(self)  # every list length, link number and inertia is checked where it is used
         return self
 

@@ -1,10 +1,12 @@
-"""Cables: the tensions that hold a posture, and whether a routing can (ZS24 section 2).
+"""Cables: the tensions that balance a posture, and whether they hold it (ZS24 section 2).
 
 Three or more cables a segment; those of far segments run through the near ones and load them too.
-The paper prints neither radius nor phase: both are parameters.
+The paper prints neither radius nor phase: both are parameters, of the spec's `cables` or options.
+Balanced: tensions carry the loads. Held: the posture also comes back when it is disturbed, since
+its stiffness (cables, their tension, weight, loads) has no negative eigenvalue.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +14,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
-from snakegen.files import require_suffix
 from snakegen.geometry import Floats
 from snakegen.kernels.cables import back_substitute, balance, lengths_and_rates
-from snakegen.kinetostatics.cabled import HELD_ACCELERATION, HELD_DRIFT, Held, hold_in_mujoco
-from snakegen.kinetostatics.law import DOWN, Wrenches, finite, joint_torques
+from snakegen.kinetostatics.cable_holding import (
+    Stiffness,
+    holding_limit,
+    least_holding_tension,
+    stiffness_of,
+)
+from snakegen.kinetostatics.cable_results import CableMotion, CablesResult, balanced
+from snakegen.kinetostatics.cable_stiffness import PointLoad, cable_geometry
+from snakegen.kinetostatics.cabled import cables_of, hold_in_mujoco
+from snakegen.kinetostatics.law import DOWN, Wrenches, finite, joint_torques, link_loads
+from snakegen.kinetostatics.motion_files import motion_of
 from snakegen.kinetostatics.routing import Routing, route
+from snakegen.kinetostatics.tip import find_tip, tip_pose
+from snakegen.modules import Cables
+from snakegen.posture import set_angle
 from snakegen.robot import Robot
 
 __all__ = ["CablesResult", "Routing", "analyze", "applies", "route"]
@@ -26,106 +39,23 @@ COMMAND = "cables"
 ORDER = 75
 EXAMPLE = "arm6 --joint joint3_yaw=0.4 --mjcf arm6_cables.xml"
 OPTIONS = {
-    "count": [3, "cables a segment, three or more"],
-    "radius": [0.03, "m, of the circle of holes"],
-    "phase": [0.0, "rad, of the first hole from y towards z"],
-    "standoff": [0.02, "m, from a joint to the holes on either side"],
+    "count": [None, "cables a segment, three or more; the spec's, else 3"],
+    "radius": [None, "m, of the circle of holes; the spec's, else 0.03"],
+    "phase": [None, "rad, of the first hole from y towards z; the spec's, else 0"],
+    "standoff": [None, "m, from a joint to the holes on either side; the spec's, else 0.02"],
     "sheathed": [False, "cables start at their own joint instead of running through all before"],
-    "minimum": [5.0, "N, least tension"],
-    "maximum": [None, "N, highest tension; none by default"],
+    "minimum": [None, "N, least tension; the spec's, else 5"],
+    "maximum": [None, "N, highest tension; the spec's, else none"],
+    "stiffness": [None, "N/m, of a winch; the spec's, else 50000"],
+    "elasticity": [None, "N, EA of a cable; the spec's, else one that does not stretch"],
+    "friction": [None, "coefficient of cable on hole, cables being wound in; the spec's, else 0"],
     "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
+    "tip_force": [None, "N, force at the tip, world axes, as in 0,0,-5"],
     "gravity": ["0,0,-9.81", "m/s², world; 0,0,0 for none"],
+    "motion": [None, "table3, a CSV or YAML: how stiff the arm is along it, at 20 instants a s"],
     "mjcf": [None, "MJCF to write: the cables as tendons with winches, in place of the servos"],
-    "stiffness": [50000.0, "N/m, of a cable with its winch, in that MJCF"],
 }
-
-
-@dataclass(frozen=True)
-class CablesResult:
-    """Tensions that hold a posture.
-
-    Attributes:
-        names: (c,) cables, ``cable{segment}_{number}``.
-        tension: (c,) N.
-        length: (c,) m, along the holes.
-        joints: (n,) chain joints.
-        arms: (n, c) m, ``A = -(∂l/∂θ)ᵀ``.
-        torque: (n,) N m, wanted of the cables.
-        shortage: (n,) N m, what they leave; all zero where the posture is held.
-        method: ``back-substitution`` or, where that fails, ``all segments at once``.
-        why: one sentence.
-        routing: what `route` was given, its keys with units, and whether all of it is assumed;
-            empty for a routing of one's own.
-        mjcf: the MJCF written, "" if none; `held`: what MuJoCo says of it.
-    """
-
-    names: tuple[str, ...]
-    tension: Floats
-    length: Floats
-    joints: tuple[str, ...]
-    arms: Floats
-    torque: Floats
-    shortage: Floats
-    method: str
-    why: str
-    routing: dict[str, Any]
-    mjcf: str = ""
-    held: Held | None = None
-
-    @property
-    def feasible(self) -> bool:
-        """Tells whether the cables hold the posture."""
-        return bool(_balanced(self.shortage, self.torque))
-
-    def rows(self) -> list[tuple[str, str]]:
-        """Returns (label, text) pairs for people: tensions segment by segment."""
-        out = [("routing", _routing_words(self.routing)), ("cables", self.why)]
-        parts: dict[str, list[float]] = {}
-        for name, t in zip(self.names, self.tension, strict=True):
-            parts.setdefault(name.split("_")[0].replace("cable", "segment "), []).append(t)
-        out += [(k, " ".join(f"{t:.4g}" for t in ts) + " N") for k, ts in parts.items()]
-        if self.held is not None:
-            out.append(("mjcf", f"{self.mjcf}: {len(self.names)} tendons, keyframe 'held'"))
-            out.append(("in MuJoCo", self._held_words(self.held)))
-        return out
-
-    def _held_words(self, held: Held) -> str:
-        """Returns what became of the posture in MuJoCo."""
-        gap = max(abs(held.torque[n] - t) for n, t in zip(self.joints, self.torque, strict=True))
-        good = held.drift <= HELD_DRIFT and held.acceleration <= HELD_ACCELERATION
-        return (
-            f"{'held' if good else 'NOT held'}: torques {gap:.1e} N·m off, {held.drift:.1e} rad "
-            f"of drift in {held.seconds:g} s"
-        )
-
-    def to_json(self) -> dict[str, Any]:
-        """Returns plain data; keys carry units."""
-        return {
-            "routing": self.routing or None,
-            "feasible": self.feasible,
-            "why": self.why,
-            "method": self.method,
-            "tension_N": dict(zip(self.names, self.tension.tolist(), strict=True)),
-            "length_m": dict(zip(self.names, self.length.tolist(), strict=True)),
-            "torque_Nm": dict(zip(self.joints, self.torque.tolist(), strict=True)),
-            "shortage_Nm": dict(zip(self.joints, self.shortage.tolist(), strict=True)),
-            "arms_m": self.arms.tolist(),
-        } | (
-            {}
-            if self.held is None
-            else {"mjcf": self.mjcf, "in_mujoco": self._held_json(self.held)}
-        )
-
-    def _held_json(self, held: Held) -> dict[str, Any]:
-        good = held.drift <= HELD_DRIFT and held.acceleration <= HELD_ACCELERATION
-        return {
-            "held": good,
-            "acceleration_max_rad_s2": held.acceleration,
-            "torque_Nm": held.torque,
-            "drift_max_rad": held.drift,
-            "seconds": held.seconds,
-            "tension_end_N": dict(zip(self.names, held.tension.tolist(), strict=True)),
-        }
+_RATE = 20.0  # instants a second of a motion
 
 
 def applies(robot: Robot) -> bool:
@@ -140,92 +70,221 @@ def analyze(
     routing: Routing | None = None,
     torque: ArrayLike | None = None,
     wrenches: Wrenches = None,
+    tip_force: ArrayLike | None = None,
     gravity: ArrayLike = DOWN,
-    minimum: float = 5.0,
-    maximum: float | str | None = None,
-    count: int = 3,
-    radius: float = 0.03,
-    phase: float = 0.0,
-    standoff: float = 0.02,
-    sheathed: bool = False,
+    motion: str | Path | None = None,
     mjcf: str | Path | None = None,
-    stiffness: float = 5e4,
+    **sizes: Any,
 ) -> CablesResult:
-    """Returns the least cable tensions that give the joints the torques that a posture needs.
+    """Returns the least cable tensions that balance a posture, and whether they hold it.
 
     Args:
         robot: an arm.
         q: (nq,) posture.
-        routing: from `route`; made from `count` … `sheathed` if absent.
-        torque: (n,) N m of the chain joints; the static ones of gravity and `wrenches` if absent.
+        routing: from `route`; made from `sizes` if absent.
+        torque: (n,) N m of the chain joints; the static ones of gravity and loads if absent.
         wrenches, gravity: as in `joint_torques`.
-        minimum, maximum: N, tension limits.
-        count, radius, phase, standoff, sheathed: as in `route`; sheathed is not coupled.
-        mjcf: file to write with the cables as tendons; MuJoCo is then asked whether they hold.
-        stiffness: N/m, of a cable with its winch, in that file.
+        tip_force: (3,) N, at the end of the last link, world axes.
+        motion: as in `motion_of`: the stiffness along it, quasi-statically.
+        mjcf: file to write with the cables as tendons; MuJoCo then bends the arm and lets go.
+        sizes: ``count radius phase standoff sheathed minimum maximum stiffness elasticity
+            friction`` as in the spec's `cables`, in place of those.
 
     Raises:
         AnalysisError: not an arm, wrong shapes, NaN, minimum above maximum; an MJCF asked for
-            where the cables do not hold the posture, or for loads that it does not have.
+            where the cables do not balance the posture, or for loads that it does not have.
     """
     if not applies(robot):
         raise AnalysisError(f"{robot.name} is not an arm on a fixed base: cables are for those.")
-    if mjcf is not None:
-        require_suffix(mjcf, ".xml")
-    most = _most(maximum)
-    if not 0 <= minimum <= most or not np.isfinite(minimum):
-        raise AnalysisError(f"tensions {minimum:g} … {most:g} N are no range above 0.")
+    cables, given = _cables(robot, sizes)
     q = robot.check_q(q)
     how: dict[str, Any] = {}
     if routing is None:
-        sizes: dict[str, Any] = {
-            "count": count,
-            "radius": radius,
-            "phase": phase,
-            "standoff": standoff,
-            "coupled": not sheathed,
+        places: dict[str, Any] = {
+            "count": cables.count,
+            "radius": cables.radius,
+            "phase": cables.phase,
+            "standoff": cables.standoff,
+            "coupled": not cables.sheathed,
         }
-        routing, how = route(robot, **sizes), _routing_said(sizes)
-    names = [n for group in routing.segments for n in group]
-    index = np.array([robot.body_of_joint(n) - 1 for n in names], int)
-    if torque is None:
-        static = joint_torques(robot, q, wrenches=wrenches, gravity=gravity, terms="static")
-        wanted = np.asarray(static[index])
-    else:
-        wanted = finite(torque, (len(index),), "torque")
-    base = robot.base_pose(q)[0]
-    length, rates = lengths_and_rates(robot.tree, base, robot.angles(q), routing.holes)
-    arms = -rates[:, index].T
-    ends = np.cumsum([len(g) for g in routing.segments])
-    rows = [np.arange(e - len(g), e) for e, g in zip(ends, routing.segments, strict=True)]
-    method = "back-substitution"
-    t, short = back_substitute(arms, wanted, rows, list(routing.columns), minimum, most)
-    if not _balanced(short, wanted) and routing.coupled:
-        # Least tensions beyond may be the wrong ones for the segments before: ask all at once.
-        together, left = balance(arms, wanted, minimum, most)
-        if np.sum(np.abs(left)) < np.sum(np.abs(short)):
-            t, short, method = together, left, "all segments at once"
-    result = CablesResult(
-        routing.names, t, length, tuple(names), arms, wanted, short, method,
-        _why(names, short, wanted, t, routing.names, most), how,
-    )  # fmt: skip
+        routing = route(robot, **places)
+        how = _routing_json(places, robot.modules.cables is None and not given)
+    g = finite(gravity, (3,), "gravity")
+    loads = _loads(robot, wrenches, tip_force)
+    case = _Case(robot, routing, cables, g, loads)
+    result = case.solve(q, torque, how)
+    if motion is not None:
+        result = replace(result, along=case.along(q, motion))
     if mjcf is None:
         return result
-    if wrenches or torque is not None:
+    if loads or torque is not None:
         raise AnalysisError("an MJCF has no loads of its own: ask for it without wrenches, torque.")
+    if cables.friction > 0:
+        raise AnalysisError("MuJoCo's tendons have no friction over holes: ask for it without.")
     if not result.feasible:
         raise AnalysisError(f"{robot.name}: {result.why}; no MJCF of that was written.")
-    held = hold_in_mujoco(
-        Path(mjcf), robot, q, routing, t, length, most, finite(gravity, (3,), "gravity"),
-        stiffness,
-    )  # fmt: skip
+    stiffness = case.stiffness(q)
+    made = cables_of(robot, routing, result.tension, result.length, cables.maximum, stiffness.cable)
+    soft = np.zeros(len(robot.joint_names))
+    soft[case.index] = result.softest
+    held = hold_in_mujoco(Path(mjcf), robot, q, made, g, soft)
     return replace(result, mjcf=str(mjcf), held=held)
 
 
-def _routing_said(sizes: dict[str, Any]) -> dict[str, Any]:
-    """Returns a routing's sizes, and whether nobody gave any: the robot's file names no cables."""
+class _Case:
+    """Cables of a robot under its loads, in any posture."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        routing: Routing,
+        cables: Cables,
+        gravity: Floats,
+        loads: tuple[PointLoad, ...],
+    ) -> None:
+        self.robot, self.routing, self.cables = robot, routing, cables
+        self.gravity, self.loads = gravity, loads
+        self.names = [n for group in routing.segments for n in group]
+        self.index = np.array([robot.body_of_joint(n) - 1 for n in self.names], int)
+
+    def stiffness(self, q: Floats) -> Stiffness:
+        """Returns the stiffness of posture q (nq,) as a function of tension."""
+        cables = self.cables
+        geometry = cable_geometry(self.robot, q, self.routing.holes, self.index, cables.friction)
+        return stiffness_of(
+            self.robot,
+            geometry,
+            gravity=self.gravity,
+            loads=self.loads,
+            winch=cables.stiffness,
+            elasticity=cables.elasticity,
+        )
+
+    def wanted(self, q: Floats) -> Floats:
+        """Returns the static torques (k,) [N m] of weight and loads in posture q (nq,)."""
+        static = joint_torques(self.robot, q, gravity=self.gravity, terms="static")[self.index]
+        out = np.asarray(static, float)
+        for load in self.loads:
+            tip = tip_pose(self.robot, q, _at(self.robot, load))
+            wrench = np.concatenate([load.force, load.moment])
+            out = out - (tip.jacobian.T @ wrench)[self.index]
+        return out
+
+    def tensions(self, arms: Floats, wanted: Floats) -> tuple[Floats, Floats, str]:
+        """Returns least tensions (c,) [N], the shortage (k,) [N m] and how they were got."""
+        routing, least, most = self.routing, self.cables.minimum, self.cables.maximum
+        ends = np.cumsum([len(g) for g in routing.segments])
+        rows = [np.arange(e - len(g), e) for e, g in zip(ends, routing.segments, strict=True)]
+        t, short = back_substitute(arms, wanted, rows, list(routing.columns), least, most)
+        if not balanced(short, wanted) and routing.coupled:
+            # Least tensions beyond may be the wrong ones for the segments before: all at once.
+            together, left = balance(arms, wanted, least, most)
+            if np.sum(np.abs(left)) < np.sum(np.abs(short)):
+                return together, left, "all segments at once"
+        return t, short, "back-substitution"
+
+    def solve(self, q: Floats, torque: ArrayLike | None, how: dict[str, Any]) -> CablesResult:
+        """Returns tensions and stiffness of posture q (nq,)."""
+        robot, routing, cables = self.robot, self.routing, self.cables
+        stiffness = self.stiffness(q)
+        wanted = self.wanted(q) if torque is None else finite(torque, (len(self.index),), "torque")
+        base = robot.base_pose(q)[0]
+        length, _ = lengths_and_rates(robot.tree, base, robot.angles(q), routing.holes)
+        t, short, method = self.tensions(stiffness.arms, wanted)
+        least, softest = stiffness.softest(t)
+        result = CablesResult(
+            routing.names, t, length, tuple(self.names), stiffness.arms, wanted, short, method,
+            "", how, stiffness.matrix(t), least, softest, stiffness.threshold,
+        )  # fmt: skip
+        if result.feasible:
+            limits = cables.minimum, cables.maximum
+            holding = least_holding_tension(stiffness, wanted, *limits)
+            limit = holding_limit(stiffness, wanted, *limits)
+            result = replace(result, holding=holding, limit=limit)
+        return replace(result, why=_why(result, cables.maximum))
+
+    def along(self, q: Floats, motion: str | Path) -> CableMotion:
+        """Returns the stiffness along a motion, quasi-statically."""
+        robot = self.robot
+        start = robot.angles(q)[[robot.joint_names.index(n) for n in robot.chain_joints]]
+        moved = motion_of(robot, motion, start=start)
+        time = moved.times(_RATE)
+        angles = moved.at(time)[0]
+        least, highest, good = np.zeros((3, len(time)))
+        softest, threshold = [], 0.0
+        for k in range(len(time)):
+            posed = q.copy()
+            for name, angle in zip(moved.joints, angles[k], strict=True):
+                set_angle(robot, posed, name, float(angle))
+            stiffness, wanted = self.stiffness(posed), self.wanted(posed)
+            t, short, _ = self.tensions(stiffness.arms, wanted)
+            least[k], soft = stiffness.softest(t)
+            highest[k], good[k] = t.max(), balanced(short, wanted)
+            softest.append(self.names[int(np.argmax(np.abs(soft)))])
+            threshold = max(threshold, stiffness.threshold)
+        worst = softest[int(np.argmin(least))]
+        return CableMotion(moved.name, time, least, highest, good, worst, threshold)
+
+
+def _at(robot: Robot, load: PointLoad) -> Any:
+    from snakegen.kinetostatics.tip import Tip
+
+    return Tip("", load.body, load.point)
+
+
+def _loads(robot: Robot, wrenches: Wrenches, tip_force: ArrayLike | None) -> tuple[PointLoad, ...]:
+    """Returns the loads of links and of the tip."""
+    found = link_loads(robot, wrenches)
+    out = [
+        PointLoad(int(b), np.asarray(p), np.asarray(w[:3]), np.asarray(w[3:]))
+        for b, p, w in zip(found.body, found.point, found.wrench, strict=True)
+    ]
+    if tip_force is not None:
+        tip = find_tip(robot)
+        out.append(
+            PointLoad(tip.body, tip.point, finite(tip_force, (3,), "tip force"), np.zeros(3))
+        )
+    return tuple(out)
+
+
+def _cables(robot: Robot, sizes: dict[str, Any]) -> tuple[Cables, bool]:
+    """Returns the cables of a robot with `sizes` in place of its own; whether any were given."""
+    known = robot.modules.cables or Cables()
+    places = ("count", "radius", "phase", "standoff", "sheathed")
+    given: dict[str, Any] = {}
+    for name, value in sizes.items():
+        if name not in Cables.__dataclass_fields__:
+            raise AnalysisError(f"cables have no '{name}'.")
+        if value is None or (name == "sheathed" and value is False):
+            continue
+        try:
+            number = (
+                value
+                if name in ("count", "sheathed") and not isinstance(value, str)
+                else (int(value) if name == "count" else float(value))
+            )
+        except (TypeError, ValueError):
+            raise AnalysisError(f"{name}: '{value}' is no number.") from None
+        if number != number:
+            raise AnalysisError(f"{name}: '{value}' is no number.")
+        given[name] = number
+    cables = replace(known, **given)
+    if not 0 <= cables.minimum <= cables.maximum or not np.isfinite(cables.minimum):
+        raise AnalysisError(
+            f"tensions {cables.minimum:g} … {cables.maximum:g} N are no range above 0."
+        )
+    for name in ("stiffness", "elasticity"):
+        if not getattr(cables, name) > 0:
+            raise AnalysisError(f"{name} = {getattr(cables, name):g}: more than 0 is needed.")
+    if not 0 <= cables.friction < np.inf:
+        raise AnalysisError(f"friction = {cables.friction:g}: 0 or more is needed.")
+    return cables, any(n in given and given[n] != getattr(Cables(), n) for n in places)
+
+
+def _routing_json(sizes: dict[str, Any], assumed: bool) -> dict[str, Any]:
+    """Returns a routing's sizes, and whether nobody gave any."""
     return {
-        "assumed": sizes == route.__kwdefaults__,
+        "assumed": assumed,
         "cables_per_segment": sizes["count"],
         "radius_m": sizes["radius"],
         "phase_rad": sizes["phase"],
@@ -234,46 +293,16 @@ def _routing_said(sizes: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _routing_words(routing: dict[str, Any]) -> str:
-    """Returns the routing for people: ``assumed routing: 3 a segment at 30 mm …``."""
-    if not routing:
-        return "as given"
-    said = "assumed routing: " if routing["assumed"] else ""
-    run = "sheathed up to their segment" if routing["sheathed"] else "through the segments before"
-    return (
-        f"{said}{routing['cables_per_segment']} a segment at {1e3 * routing['radius_m']:g} mm, "
-        f"holes {1e3 * routing['standoff_m']:g} mm either side of a joint, {run}"
-    )
-
-
-def _most(maximum: float | str | None) -> float:
-    """Returns the highest tension [N], which the command line gives as text."""
-    try:
-        most = np.inf if maximum is None else float(maximum)
-    except ValueError:
-        most = np.nan
-    if np.isnan(most):
-        raise AnalysisError(f"maximum: '{maximum}' is no tension in N.")
-    return most
-
-
-def _balanced(shortage: Floats, torque: Floats) -> bool:
-    """Tells whether what is left is the solver's rounding only."""
-    return bool(np.max(np.abs(shortage)) <= 1e-7 * max(1.0, float(np.max(np.abs(torque)))))
-
-
-def _why(
-    joints: list[str],
-    shortage: Floats,
-    torque: Floats,
-    tension: Floats,
-    cables: tuple[str, ...],
-    maximum: float,
-) -> str:
-    """Returns one sentence: the highest tension, or the joint that lacks most and by how much."""
-    if _balanced(shortage, torque):
+def _why(result: CablesResult, maximum: float) -> str:
+    """Returns one sentence: held or balanced, or the joint with the largest shortage."""
+    tension, joints = result.tension, result.joints
+    if result.feasible:
         i = int(np.argmax(tension))
-        return f"held; the highest tension is {tension[i]:.4g} N in {cables[i]}"
+        high = f"the highest tension is {tension[i]:.4g} N in {result.names[i]}"
+        if result.holds:
+            return f"held; {high}"
+        return f"balanced but NOT held: {result.softest_joint} leaves when disturbed; {high}"
+    shortage, torque = result.shortage, result.torque
     i = int(np.argmax(np.abs(shortage)))
     others = int(np.sum(np.abs(shortage) > 1e-7)) - 1
     cap = f" within {maximum:g} N" if np.isfinite(maximum) else ""

@@ -36,6 +36,7 @@ class Cable:
         tension: N.
         length: m.
         maximum: N, inf where there is no limit.
+        stiffness: N/m, with its winch.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Cable:
     tension: float
     length: float
     maximum: float
+    stiffness: float
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,11 @@ class Held:
         drift: rad, the farthest any joint goes in `seconds`.
         tension: N, of each cable at the end.
         seconds: of simulation.
+        pushed: rad, how far the softest direction was bent before it was let go.
+        farthest, end: rad, how far from the posture that got, and where it was at the end.
+        left: whether it went away for good (ten times as far as it was bent), True, or came back
+            to a third of it, False; None where neither happened in `waited`.
+        waited: s.
     """
 
     acceleration: float
@@ -64,6 +71,11 @@ class Held:
     drift: float
     tension: Floats
     seconds: float
+    pushed: float = 0.0
+    farthest: float = 0.0
+    end: float = 0.0
+    left: bool | None = None
+    waited: float = 0.0
 
 
 def write_cabled(
@@ -73,7 +85,6 @@ def write_cabled(
     cables: Sequence[Cable],
     posture: Mapping[str, float],
     gravity: Floats,
-    stiffness: float,
 ) -> None:
     """Writes the MJCF of a robot whose joints have cables for servos, in one file.
 
@@ -87,7 +98,6 @@ def write_cabled(
         cables: from base to tip.
         posture: rad by joint; others at 0.
         gravity: (3,) m/s².
-        stiffness: N/m, of a cable with its winch.
 
     Raises:
         DescriptionError: MuJoCo cannot take the model, or the file cannot be written.
@@ -103,12 +113,12 @@ def write_cabled(
         for key in list(spec.keys):
             spec.delete(key)
         for cable in cables:
-            _add(spec, cable, stiffness)
+            _add(spec, cable)
         model = spec.compile()
         qpos = np.array(model.qpos0)
         for joint, angle in posture.items():
             qpos[model.joint(joint).qposadr[0]] = angle
-        wound = [c.length - c.tension / stiffness for c in cables]
+        wound = [c.length - c.tension / c.stiffness for c in cables]
         spec.add_key(name=KEY, qpos=qpos, ctrl=wound)
     except ValueError as error:
         raise DescriptionError(f"MuJoCo cannot take the cables: {error}") from None
@@ -119,7 +129,7 @@ def write_cabled(
         raise DescriptionError(f"{path}: cannot be written ({error.strerror}).") from None
 
 
-def _add(spec: mujoco.MjSpec, cable: Cable, stiffness: float) -> None:
+def _add(spec: mujoco.MjSpec, cable: Cable) -> None:
     """Adds a cable's holes as sites, its tendon and its winch."""
     tendon: Any = spec.add_tendon(name=cable.name, width=_WIDTH)
     tendon.rgba = _COLOURS[cable.group % len(_COLOURS)]
@@ -130,7 +140,7 @@ def _add(spec: mujoco.MjSpec, cable: Cable, stiffness: float) -> None:
     winch = spec.add_actuator(
         name=cable.name, trntype=mujoco.mjtTrn.mjTRN_TENDON, target=cable.name
     )
-    winch.set_to_position(kp=stiffness, kv=DAMPING * stiffness)
+    winch.set_to_position(kp=cable.stiffness, kv=DAMPING * cable.stiffness)
     winch.ctrllimited = mujoco.mjtLimited.mjLIMITED_FALSE
     winch.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
     winch.forcerange = [-min(cable.maximum, 1e6), 0.0]  # a cable cannot push
@@ -164,3 +174,40 @@ def holding(path: Path, seconds: float = 1.0) -> Held:
         if not np.isfinite(drift):
             break
     return Held(acceleration, torque, drift, -np.array(data.actuator_force), seconds)
+
+
+def let_go(
+    path: Path, direction: Mapping[str, float], size: float = 1e-3, seconds: float = 30.0
+) -> tuple[float, float, bool | None, float]:
+    """Bends a cabled robot out of its posture and lets go.
+
+    Args:
+        path: the MJCF that `write_cabled` wrote.
+        direction: by joint, rad; its largest entry is scaled to `size`.
+        size: rad.
+        seconds: of simulation at most, winches at rest.
+
+    Returns:
+        farthest and last distance from the posture [rad], the largest over joints; whether it left
+        for good (True), came back (False) or neither (None); the time that took [s].
+    """
+    model = load_model(path)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key(KEY).id)
+    start = np.array(data.qpos)
+    scale = size / max(abs(x) for x in direction.values())
+    for joint, x in direction.items():
+        data.qpos[model.joint(joint).qposadr[0]] += scale * x
+    farthest = away = size
+    window = 0.0
+    for k in range(round(seconds / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        away = float(np.abs(data.qpos - start).max())
+        farthest, window = max(farthest, away), max(window, away)
+        if not away < 10.0 * size:
+            return farthest, away, True, float(data.time)
+        if (k + 1) % 1000 == 0:  # one second of swinging within a third of it: it is back
+            if window < size / 3.0:
+                return farthest, away, False, float(data.time)
+            window = 0.0
+    return farthest, away, None, float(data.time)

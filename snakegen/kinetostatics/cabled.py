@@ -1,9 +1,9 @@
 """From a routing to cables in MuJoCo: what link has each hole, and is the posture held there."""
 
+from dataclasses import replace
 from pathlib import Path
 
-from snakegen.description.tendons import Cable, Held, holding, write_cabled
-from snakegen.errors import AnalysisError
+from snakegen.description.tendons import Cable, Held, holding, let_go, write_cabled
 from snakegen.geometry import Floats
 from snakegen.kinetostatics.routing import Routing
 from snakegen.robot import Robot
@@ -11,11 +11,17 @@ from snakegen.robot import Robot
 __all__ = ["HELD_ACCELERATION", "HELD_DRIFT", "Held", "cables_of", "hold_in_mujoco"]
 
 HELD_ACCELERATION = 1e-3  # rad/s², with which a posture counts as balanced
-HELD_DRIFT = 1e-3  # rad, with which it counts as held
+HELD_DRIFT = 1e-3  # rad, that it may go in a second when nobody bends it
+PUSH = 1e-3  # rad, by which it is bent
 
 
 def cables_of(
-    robot: Robot, routing: Routing, tension: Floats, length: Floats, maximum: float
+    robot: Robot,
+    routing: Routing,
+    tension: Floats,
+    length: Floats,
+    maximum: float,
+    stiffness: Floats,
 ) -> list[Cable]:
     """Returns each cable with its holes in the frames of the links that hold them."""
     links = _links(robot)
@@ -24,38 +30,36 @@ def cables_of(
     out = []
     for c, name in enumerate(routing.names):
         rows = range(holes.first[c], holes.first[c + 1])
-        frames = [links[int(holes.body[h])] for h in rows]
-        points = holes.point[list(rows)]
-        one = Cable(
-            name, group[c], tuple(frames), points, float(tension[c]), float(length[c]), maximum
-        )
-        out.append(one)
+        frames = tuple(links[int(holes.body[h])] for h in rows)
+        numbers = float(tension[c]), float(length[c]), maximum, float(stiffness[c])
+        out.append(Cable(name, group[c], frames, holes.point[list(rows)], *numbers))
     return out
 
 
 def hold_in_mujoco(
-    path: Path,
-    robot: Robot,
-    q: Floats,
-    routing: Routing,
-    tension: Floats,
-    length: Floats,
-    maximum: float,
-    gravity: Floats,
-    stiffness: float,
+    path: Path, robot: Robot, q: Floats, cables: list[Cable], gravity: Floats, soft: Floats
 ) -> Held:
     """Writes the cabled MJCF and returns what MuJoCo says of the posture.
 
+    It is let go there, and again bent by 1 mrad in its softest direction.
+
+    Args:
+        path: of the MJCF.
+        robot: its own joints and links.
+        q: (nq,) posture.
+        cables: from `cables_of`.
+        gravity: (3,) m/s².
+        soft: (n,) direction of all joints.
+
     Raises:
-        AnalysisError: a stiffness that is not positive.
         DescriptionError: the file cannot be written.
     """
-    if not stiffness > 0:
-        raise AnalysisError(f"stiffness = {stiffness:g}: N/m above 0 are needed.")
     posture = dict(zip(robot.joint_names, robot.angles(q).tolist(), strict=True))
-    cables = cables_of(robot, routing, tension, length, maximum)
-    write_cabled(path, robot.urdf, robot.modules, cables, posture, gravity, stiffness)
-    return holding(path)
+    write_cabled(path, robot.urdf, robot.modules, cables, posture, gravity)
+    still = holding(path)
+    direction = dict(zip(robot.joint_names, soft.tolist(), strict=True))
+    farthest, end, left, waited = let_go(path, direction, PUSH)
+    return replace(still, pushed=PUSH, farthest=farthest, end=end, left=left, waited=waited)
 
 
 def _links(robot: Robot) -> dict[int, str]:

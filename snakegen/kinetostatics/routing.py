@@ -74,7 +74,10 @@ def route(
             for group in groups[0 if coupled else k : k + 1]:
                 near, far = robot.body_of_joint(group[0]), robot.body_of_joint(group[-1])
                 bodies += [int(tree.parent[near]), far]
-                points += [tree.translation[near] - away + ring, away + ring]
+                points += [
+                    tree.translation[near] + tree.rotation[near] @ (ring - away),
+                    away + ring,
+                ]
             first.append(len(bodies))
     numbers = np.arange(count * len(groups)).reshape(len(groups), count)
     return Routing(
