@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 Triple = tuple[float, float, float]
 
 FOLDER = "meshes"  # beside the URDF
+MAX_BYTES = 10_000_084  # an STL of 200,000 triangles
 _TAKEN = ("ducted_fan", "joint_cross")  # names of meshes that a build draws itself
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
@@ -50,6 +51,12 @@ def locate(name: str, folder: Path) -> Path:
         )
     if not (here / path).is_file():
         raise ValueError(f"payload.mesh: '{name}' does not exist in {folder}")
+    size = (here / path).stat().st_size
+    if size > MAX_BYTES:
+        raise ValueError(
+            f"payload.mesh: '{name}' has {size / 1e6:.4g} MB; up to {MAX_BYTES / 1e6:g} MB are "
+            "read (an STL of 200,000 triangles, as many as MuJoCo takes): simplify it"
+        )
     if path.suffix.lower() == ".stl" and not _is_binary(here / path):
         raise ValueError(
             f"payload.mesh: '{name}' is no binary STL, the only kind that MuJoCo reads; convert it"

@@ -237,17 +237,11 @@ def load(source: Any, *, modules: str | Path | None = None) -> Robot:
     Raises:
         SnakegenError: one line that says what is wrong, where, and what would have worked.
     """
-    from snakegen.description.urdf import urdf_text
+    from snakegen.description.urdf import read_urdf, urdf_text
 
     if isinstance(source, str | Path) and str(source).endswith((".urdf", ".xml")):
         path = Path(source)
-        try:
-            text = path.read_text(encoding="utf-8")
-        except FileNotFoundError:
-            raise DescriptionError(f"{path}: no such file.") from None
-        except (OSError, UnicodeDecodeError) as error:
-            raise DescriptionError(f"{path}: cannot be read ({error}).") from None
-        return from_urdf_text(text, path, modules=modules)
+        return from_urdf_text(read_urdf(path), path, modules=modules)
     if modules is not None:
         raise SnakegenError("--modules goes with a URDF; a spec already names its modules.")
     return from_urdf_text(urdf_text(source), None)

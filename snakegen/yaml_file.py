@@ -14,6 +14,8 @@ import yaml
 from snakegen.errors import SpecError
 
 _EXECUTABLE = ("${", "$(")
+MAX_BYTES = 16_000_000
+MAX_VALUES = 500_000  # some 15 s; a spec of 1000 links has fewer
 
 
 _WORDS = {  # tag: (what it looks like, the letters it may start with)
@@ -103,6 +105,9 @@ def parse(text: str, source: str) -> Any:
     Raises:
         SpecError: not YAML, or a tag, anchor, repeated key, or text that xacro would evaluate.
     """
+    values = text.count(",") + text.count(":") + text.count("- ")  # each goes before one
+    if values > MAX_VALUES:
+        raise SpecError(f"{source}: some {values} values; up to {MAX_VALUES} are read.")
     try:
         value = yaml.load(text, Loader=_PlainLoader)
         refuse_executable(value)
@@ -119,8 +124,14 @@ def parse(text: str, source: str) -> Any:
 
 
 def read(path: Path) -> Any:
-    """Returns the plain value of a YAML file; raises SpecError where it cannot be read."""
+    """Returns the plain value of a YAML file; raises SpecError where it cannot be read.
+
+    Files above `MAX_BYTES` or `MAX_VALUES` are refused before they are parsed.
+    """
     try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise SpecError(f"{path}: {size / 1e6:.4g} MB; up to {MAX_BYTES / 1e6:g} MB are read.")
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise SpecError(f"{path}: no such file.") from None

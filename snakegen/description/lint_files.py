@@ -7,6 +7,8 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from snakegen.description.finding import Finding, error, label, shapes, warning
 from snakegen.description.xmltree import Node
 
+MAX_BYTES = 256_000_000  # of a mesh or a texture
+
 
 def mesh_faults(robot: Node, folder: Path | None) -> Iterator[Finding]:
     """Yields mesh and texture files that are missing, or that will not be found elsewhere.
@@ -49,3 +51,9 @@ def _file_faults(node: Node, where: str, uri: str, folder: Path | None) -> Itera
     if not file.is_file():
         message = f"the {node.tag} file {uri!r} does not exist"
         yield error(f"missing_{node.tag}", where, node.line, message)
+    elif file.stat().st_size > MAX_BYTES:
+        message = (
+            f"the {node.tag} file {uri!r} has {file.stat().st_size / 1e6:.4g} MB; up to "
+            f"{MAX_BYTES / 1e6:g} MB are read"
+        )
+        yield error(f"large_{node.tag}", where, node.line, message)

@@ -13,6 +13,7 @@ from snakegen import yaml_file
 from snakegen.errors import DescriptionError
 from snakegen.spec_file import load_spec, templates_folder
 
+MAX_BYTES = 100_000_000  # some 15,000 links
 _BANNER = re.compile(r"(?:<!-- (?:=+|\|.*?\|) -->\n){4}")
 _OURS = "<!-- Made by snakegen from {spec}; stock xacro gives the same from templates/. -->\n"
 
@@ -49,3 +50,22 @@ def urdf_text(source: Any) -> str:
         path = Path(folder) / f"{spec.name}.spec.yaml"
         path.write_text(yaml_file.dump(spec.resolved()), encoding="utf-8")
         return expand(path)
+
+
+def read_urdf(path: Path) -> str:
+    """Returns the text of a URDF file.
+
+    Raises:
+        DescriptionError: no such file, not UTF-8, or larger than `MAX_BYTES`.
+    """
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise DescriptionError(
+                f"{path}: {size / 1e6:.4g} MB; up to {MAX_BYTES / 1e6:g} MB are read."
+            )
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise DescriptionError(f"{path}: no such file.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise DescriptionError(f"{path}: cannot be read ({error}).") from None

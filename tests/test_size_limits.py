@@ -1,0 +1,56 @@
+"""Inputs too large to read are refused at once, with the size that would do."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from snakegen import yaml_file
+from snakegen.description import lint
+from snakegen.description.urdf import MAX_BYTES
+from snakegen.errors import SnakegenError, SpecError
+from snakegen.payload_mesh import locate
+from snakegen.robot import load
+
+
+def sparse(path: Path, size: int) -> Path:
+    """Makes a file of `size` bytes that takes none on the disk."""
+    with path.open("wb") as file:
+        file.truncate(size)
+    return path
+
+
+def test_a_million_numbers_in_yaml_are_refused_unparsed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(yaml_file.yaml, "load", None)  # never reached
+    path = tmp_path / "many.yaml"
+    for text in ("[" + "1, " * 10**6 + "1]", "- 1\n" * 10**6, "a: 1\n" * 10**6):
+        path.write_text(text)
+        with pytest.raises(
+            SpecError, match=r"many.yaml: some 100000. values; up to 500000 are read"
+        ):
+            yaml_file.read(path)
+    with pytest.raises(SpecError, match="2000 MB; up to 16 MB are read"):
+        yaml_file.read(sparse(tmp_path / "huge.yaml", 2_000_000_000))
+
+
+def test_a_sparse_mesh_of_2_gb_is_refused_unread(tmp_path: Path) -> None:
+    sparse(tmp_path / "big.stl", 2_000_000_000)
+    with pytest.raises(ValueError, match=r"'big.stl' has 2000 MB; up to 10.0001 MB"):
+        locate("big.stl", tmp_path)
+    urdf = (
+        '<robot name="r"><link name="a"><inertial><mass value="1"/><inertia ixx="1" ixy="0" '
+        'ixz="0" iyy="1" iyz="0" izz="1"/></inertial><visual><geometry>'
+        '<mesh filename="big.stl"/></geometry></visual></link></robot>'
+    )
+    found = lint.lint(urdf, folder=tmp_path)
+    assert [(f.code, f.severity) for f in found] == [("large_mesh", "error")]
+    assert "2000 MB; up to 256 MB are read" in found[0].message
+
+
+def test_a_urdf_beyond_the_limit_is_refused_unread(tmp_path: Path) -> None:
+    path = sparse(tmp_path / "big.urdf", MAX_BYTES + 1)
+    with pytest.raises(SnakegenError, match=r"big.urdf: .* MB; up to 100 MB are read"):
+        load(path)
+    assert os.path.getsize(path) > MAX_BYTES
