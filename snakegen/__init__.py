@@ -6,9 +6,10 @@ The public surface loads lazily, so that ``import snakegen`` costs nothing.
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
-__all__ = ["Robot", "RobotSpec", "SnakegenError", "build", "load"]
+__all__ = ["Robot", "RobotSpec", "SnakegenError", "build", "lint", "load"]
 
 if TYPE_CHECKING:
+    from snakegen.description.lint import lint
     from snakegen.errors import SnakegenError
     from snakegen.generate import build
     from snakegen.robot import Robot, load
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "build": "snakegen.generate",
+    "lint": "snakegen.description.lint",
     "load": "snakegen.robot",
     "Robot": "snakegen.robot",
     "RobotSpec": "snakegen.spec",

@@ -62,8 +62,8 @@ FAULTS: dict[str, tuple[str, str, str, str]] = {
     "tag not closed": ("</joint>", "", "malformed_xml", "error"),
     "empty": (GOOD, "<", "malformed_xml", "error"),
     "other root": (GOOD, "<model/>", "not_a_robot", "error"),
-    "negative mass": ('mass value="1.2"', 'mass value="-1.2"', "bad_mass", "error"),
-    "zero mass": ('mass value="1.2"', 'mass value="0"', "bad_mass", "error"),
+    "negative mass": ('mass value="1.2"', 'mass value="-1.2"', "negative_mass", "error"),
+    "zero mass": ('mass value="1.2"', 'mass value="0"', "inertia_without_mass", "warning"),
     "nan mass": ('mass value="1.2"', 'mass value="nan"', "not_finite", "error"),
     "infinite mass": ('mass value="1.2"', 'mass value="1e999"', "not_finite", "error"),
     "mass in words": ('mass value="1.2"', 'mass value="1,2"', "not_numeric", "error"),
@@ -72,8 +72,8 @@ FAULTS: dict[str, tuple[str, str, str, str]] = {
     "zero inertia": ('ixx="0.01"', 'ixx="0"', "bad_inertia", "error"),
     "negative inertia": ('iyy="0.02"', 'iyy="-0.02"', "bad_inertia", "error"),
     "indefinite inertia": ('iyz="0" izz', 'iyz="0.03" izz', "bad_inertia", "error"),
-    "triangle": ('izz="0.02"', 'izz="0.0301"', "inertia_triangle", "error"),
-    "rotated triangle": ('iyz="0" izz', 'iyz="0.0101" izz', "inertia_triangle", "error"),
+    "triangle": ('izz="0.02"', 'izz="0.0401"', "inertia_triangle", "error"),
+    "rotated triangle": ('iyz="0" izz', 'iyz="0.0131" izz', "inertia_triangle", "error"),
     "limits swapped": ('lower="-1" upper="1"', 'lower="1" upper="-1"', "limits_swapped", "error"),
     "lower alone": ('lower="-1" upper="1"', 'lower="0.2"', "limits_swapped", "error"),
     "negative effort": ('effort="7"', 'effort="-7"', "negative_limit", "error"),
@@ -86,8 +86,8 @@ FAULTS: dict[str, tuple[str, str, str, str]] = {
         "missing_limit",
         "error",
     ),
-    "long axis": ('axis xyz="0 0 1"', 'axis xyz="0 0 2"', "axis_not_unit", "error"),
-    "rounded axis": ('axis xyz="0 0 1"', 'axis xyz="0.7071 0 0.7071"', "axis_rounded", "warning"),
+    "long axis": ('axis xyz="0 0 1"', 'axis xyz="0 0 2"', "axis_not_unit", "warning"),
+    "rounded axis": ('axis xyz="0 0 1"', 'axis xyz="0.7071 0 0.7071"', "axis_rounded", "note"),
     "zero axis": ('axis xyz="0 0 1"', 'axis xyz="0 0 0"', "zero_axis", "error"),
     "two parents": (
         '<joint name="weld"',
@@ -106,43 +106,48 @@ FAULTS: dict[str, tuple[str, str, str, str]] = {
         '<link name="base"/>',
         '<material name="grey"><color rgba="1 0 0 1"/></material><link name="base"/>',
         "duplicate_material",
-        "error",
+        "warning",
     ),
     "dangling parent": ('parent link="link1"', 'parent link="lnk1"', "dangling_parent", "error"),
     "dangling child": ('child link="cross"', 'child link="gone"', "dangling_child", "error"),
     "dangling mimic": ('mimic joint="joint1"', 'mimic joint="jiont1"', "dangling_mimic", "error"),
     "own mimic": ('mimic joint="joint1"', 'mimic joint="joint2"', "mimic_loop", "error"),
-    "missing mesh": (MESH, 'filename="gone.stl"', "missing_mesh", "error"),
+    "missing mesh": (MESH, 'filename="gone.stl"', "missing_mesh", "warning"),
     "absolute mesh": (MESH, 'filename="/gone/rod.stl"', "absolute_mesh", "warning"),
-    "package mesh": (MESH, 'filename="package://two/rod.stl"', "package_mesh", "warning"),
+    "package mesh": (MESH, 'filename="package://two/rod.stl"', "package_mesh", "note"),
     "file mesh": (MESH, 'filename="file:///gone/rod.stl"', "absolute_mesh", "warning"),
     "web mesh": (MESH, 'filename="https://x.org/rod.stl"', "remote_mesh", "warning"),
-    "unknown tag": ("<collision>", "<colision/><collision>", "unknown_tag", "error"),
-    "unknown robot tag": ("<gazebo ", "<gazbo/><gazebo ", "unknown_tag", "error"),
-    "xacro left": ("<gazebo ", "<xacro:fan/><gazebo ", "unknown_tag", "error"),
-    "mass in link": ('<link name="link2">', '<link name="link2"><mass/>', "misplaced_tag", "error"),
+    "unknown tag": ("<collision>", "<colision/><collision>", "misspelt_tag", "error"),
+    "unknown robot tag": ("<gazebo ", "<gazbo/><gazebo ", "unknown_tag", "note"),
+    "xacro left": ("<gazebo ", "<xacro:fan/><gazebo ", "xacro_left", "error"),
+    "mass in link": (
+        '<link name="link2">',
+        '<link name="link2"><mass/>',
+        "misplaced_tag",
+        "warning",
+    ),
     "gazebo in link": (
         '<link name="link2">',
         '<link name="link2"><gazebo/>',
         "misplaced_tag",
-        "error",
+        "warning",
     ),
-    "unknown attribute": ('lower="-1"', 'lowr="-1"', "unknown_attribute", "error"),
+    "unknown attribute": ('lower="-1"', 'lowr="-1"', "misspelt_attribute", "error"),
     "unknown joint type": ("revolute", "revolut", "unknown_joint_type", "error"),
     "massless": (
         '<link name="cross"/>',
         '<link name="cross"/><link name="x"/>',
-        "massless",
-        "error",
+        "massless_tip",
+        "warning",
     ),
     "short vector": ('xyz="0 0 0.1"', 'xyz="0 0.1"', "component_count", "error"),
-    "long vector": ('size="0.1 0.1 0.2"', 'size="0.1 0.1 0.2 0.3"', "component_count", "error"),
+    "long vector": ('size="0.1 0.1 0.2"', 'size="0.1 0.1 0.2 0.3"', "component_count", "warning"),
     "empty vector": ('axis xyz="0 0 1"', 'axis xyz=""', "component_count", "error"),
     "nan in vector": ('xyz="0 0 0.1"', 'xyz="0 NaN 0.1"', "not_finite", "error"),
     "word in vector": ('xyz="0 0 0.1"', 'xyz="0 O 0.1"', "not_numeric", "error"),
     "underscore": ('size="0.1 0.1 0.2"', 'size="0.1 0.1 1_0"', "not_numeric", "error"),
-    "negative size": ('radius="0.01"', 'radius="-0.01"', "bad_size", "error"),
-    "two shapes": ("<box ", '<sphere radius="1"/><box ', "missing_element", "error"),
+    "negative size": ('radius="0.01"', 'radius="-0.01"', "bad_size", "warning"),
+    "two shapes": ("<box ", '<sphere radius="1"/><box ', "shapeless_geometry", "warning"),
     "no geometry": (
         "<visual><geometry><box ",
         "<visual/><visual><geometry><box ",
@@ -154,7 +159,7 @@ FAULTS: dict[str, tuple[str, str, str, str]] = {
         '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
         "</inertial><collision>",
         "repeated_element",
-        "error",
+        "warning",
     ),
     "nameless link": ('<link name="cross"/>', '<link name=""/>', "missing_attribute", "error"),
     "negative damping": ('damping="0.1"', 'damping="-0.1"', "negative_dynamics", "error"),
@@ -230,7 +235,8 @@ def test_fault(name: str, folder: Path) -> None:
         with pytest.raises(DescriptionError, match=r"line \d+"):
             check(text, folder=folder)
     else:
-        assert all(f.severity == "warning" or f.code == "missing_mesh" for f in found)
+        check(text, folder=folder)
+        assert {f.severity for f in found} <= {"warning", "note"}
 
 
 def test_one_mistake_is_told_once(folder: Path) -> None:
@@ -242,6 +248,8 @@ def test_one_mistake_is_told_once(folder: Path) -> None:
         "link twice",
         "joint twice",
         "nameless link",
+        "zero mass",
+        "package mesh",
     }
     alone = [name for name in FAULTS if name not in twofold]
     counts = {name: [f.code for f in lint(mutate(name), folder=folder)] for name in alone}
@@ -296,7 +304,7 @@ def test_deep_nesting_is_no_trap() -> None:
     (finding,) = lint('<robot name="x"><link name="a"/>' + "<gazebo>" * 50_000)
     assert finding.code == "malformed_xml"
     text = "<robot name='x'><link name='a'/>" + "<gazebo>" * 50_000 + "</gazebo>" * 50_000
-    assert lint(text + "</robot>") == []
+    assert [f.code for f in lint(text + "</robot>")] == ["no_mass"]
 
 
 def test_unreadable_files(tmp_path: Path) -> None:
@@ -352,5 +360,5 @@ def chains(draw: st.DrawFn) -> str:
 
 @settings(max_examples=100, deadline=None)
 @given(chains())
-def test_sound_chains_are_clean(text: str) -> None:
-    assert lint(text) == []
+def test_sound_chains_have_no_errors(text: str) -> None:
+    assert [f for f in lint(text) if f.severity == "error"] == []

@@ -1,11 +1,12 @@
-"""What every rule of the lint returns, and how it reads numbers and names elements."""
+"""What every rule of the linter returns, and how it reads numbers and names elements."""
 
 import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any
 
+from snakegen.description.lint_catalogue import RULES, Severity, Tier
 from snakegen.description.xmltree import Node
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -14,35 +15,50 @@ _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Finding:
-    """One fault of a URDF.
+    """One observation about a description file.
 
     Attributes:
-        severity: ``error`` (the model is wrong) or ``warning`` (it will not travel well).
-        code: short stable name of the rule, e.g. ``limits_swapped``.
-        element: the element at fault, e.g. ``joint 'joint1_yaw'``.
+        severity: ``error`` (the model is wrong or unloadable), ``warning`` (probably not meant,
+            or refused by some program) or ``note`` (harmless, worth knowing).
+        tier: ``schema``, ``topology``, ``physics``, ``assets`` or ``portability``.
+        code: short stable name of the rule, e.g. ``limits_swapped``; an entry of docs/lint.md.
+        element: the element concerned, e.g. ``joint 'joint1_yaw'``.
         line: its line in the text, from 1.
-        message: what is wrong and what would be right.
+        message: what is wrong.
+        remedy: what mends it.
     """
 
-    severity: Literal["error", "warning"]
+    severity: Severity
+    tier: Tier
     code: str
     element: str
     line: int
     message: str
+    remedy: str
 
     def __str__(self) -> str:
         where = f"line {self.line}, {self.element}" if self.element else f"line {self.line}"
         return f"{where}: {self.message} [{self.code}]"
 
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data."""
+        return {
+            "severity": self.severity,
+            "tier": self.tier,
+            "code": self.code,
+            "element": self.element,
+            "line": self.line,
+            "message": self.message,
+            "remedy": self.remedy,
+        }
 
-def error(code: str, element: str, line: int, message: str) -> Finding:
-    """Returns a finding that makes the model unusable."""
-    return Finding("error", code, element, line, message)
 
-
-def warning(code: str, element: str, line: int, message: str) -> Finding:
-    """Returns a finding that another program, machine or reader may stumble over."""
-    return Finding("warning", code, element, line, message)
+def finding(
+    code: str, element: str, line: int, message: str, severity: Severity | None = None
+) -> Finding:
+    """Returns a finding of rule `code`, of the rule's severity unless another is given."""
+    rule = RULES[code]
+    return Finding(severity or rule.severity, rule.tier, code, element, line, message, rule.remedy)
 
 
 def label(node: Node) -> str:
@@ -63,7 +79,7 @@ def word_fault(word: str) -> str | None:
 def numbers(node: Node | None, attribute: str, count: int = 1) -> tuple[float, ...] | None:
     """Returns the `count` finite numbers of an attribute; None where it is absent or faulty.
 
-    The grammar reports faulty numbers; the rules behind it only look at sound ones.
+    The grammar reports faulty numbers; the other rules look at sound ones only.
     """
     words = [] if node is None else node.attrib.get(attribute, "").split()
     if len(words) != count or any(word_fault(word) for word in words):

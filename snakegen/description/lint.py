@@ -1,69 +1,98 @@
-"""Finds what is wrong with a URDF before any parser sees it, each fault with its line.
+"""Findings about a URDF or MJCF before any parser sees it, each with its line, tier and remedy.
 
-Parsers accept loops, negative mass, NaN, zero axes, swapped limits and mistyped tags, each its own
-subset. `lint` reads the text itself, so that every program behind it gets a sound tree.
+Parsers accept loops, negative mass, NaN, zero axes, swapped limits and misspelt tags, each its own
+subset. `lint` reads the text itself, so that every program behind it gets a sound tree. Errors are
+what makes a model wrong or unloadable; everything else is a warning or a note (docs/lint.md).
 """
 
 from collections.abc import Iterable
 from pathlib import Path
 
-from snakegen.description.finding import Finding, error
+from snakegen.description.finding import Finding, finding
+from snakegen.description.lint_bodies import body_faults
 from snakegen.description.lint_files import mesh_faults
-from snakegen.description.lint_rules import body_faults, joint_faults, tree_faults
+from snakegen.description.lint_joints import joint_faults
+from snakegen.description.lint_mjcf import mjcf_faults
+from snakegen.description.lint_rotors import rotor_faults
+from snakegen.description.lint_tree import tree_faults
 from snakegen.description.urdf_grammar import EXTENSIONS, grammar_faults
 from snakegen.description.xmltree import XmlFault, parse_xml
 from snakegen.errors import DescriptionError
 
 __all__ = ["Finding", "check", "lint", "refuse"]
 
+LARGEST = 100_000_000  # bytes of text: some 15,000 links
+
 
 def lint(
-    urdf: str | Path, *, folder: str | Path | None = None, extensions: Iterable[str] = ()
+    source: str | Path, *, folder: str | Path | None = None, extensions: Iterable[str] = ()
 ) -> list[Finding]:
-    """Reads a URDF and lists its faults by line; an empty list is a clean file.
+    """Reads a URDF or MJCF and lists what is to be said of it by line; an empty list is clean.
 
     Args:
-        urdf: the text (anything that begins with ``<``) or a path.
+        source: the text (anything that begins with ``<``) or a path.
         folder: where relative mesh paths start; a path's own folder by default. Without one
             (plain text), missing meshes are not looked for.
         extensions: further tags allowed under ``<robot>`` and not looked into.
 
     Returns:
-        Findings, errors and warnings, in the order of their lines.
+        Findings (errors, warnings, notes) in the order of their lines.
     """
     base = None if folder is None else Path(folder)
     try:
-        if _is_text(urdf):
-            text = str(urdf)
+        if _is_text(source):
+            text = str(source)
         else:
-            text = Path(urdf).read_text(encoding="utf-8")
-            base = base or Path(urdf).parent
-        robot = parse_xml(text)
+            path = Path(source)
+            if path.is_file() and path.stat().st_size > LARGEST:
+                message = f"the file has {path.stat().st_size / 1e6:.0f} MB, at most "
+                return [finding("too_large", "", 1, f"{message}{LARGEST / 1e6:.0f} are read")]
+            text = path.read_text(encoding="utf-8")
+            base = base or path.parent
+        return _findings(text, base, frozenset(extensions))
     except (OSError, ValueError) as fault:
         reason = getattr(fault, "strerror", None) or getattr(fault, "reason", None) or str(fault)
-        return [error("unreadable", "", 1, f"cannot be read as UTF-8 text: {reason}")]
+        return [finding("unreadable", "", 1, f"cannot be read as UTF-8 text: {reason}")]
+
+
+def _findings(text: str, folder: Path | None, extensions: frozenset[str]) -> list[Finding]:
+    text = text.removeprefix("\ufeff")
+    body = text.lstrip(" \t\r\n")
+    late = body.startswith("<?xml") and body != text
+    found = []
+    if late:
+        lines = text[: len(text) - len(body)].count("\n")
+        message = "blank text precedes the XML declaration"
+        found.append(finding("late_declaration", "", lines + 1, message))
+        text = "\n" * lines + body.partition("?>")[2]  # lines keep their numbers
+    try:
+        root = parse_xml(text)
     except XmlFault as fault:
-        return [error(fault.code, "", fault.line, fault.message)]
-    if robot.tag != "robot":
-        message = f"the root element is <{robot.tag}>; a URDF begins with <robot name=…>"
-        return [error("not_a_robot", f"<{robot.tag}>", robot.line, message)]
-    found = [
-        *grammar_faults(robot, EXTENSIONS | set(extensions)),
-        *tree_faults(robot),
-        *body_faults(robot),
-        *joint_faults(robot),
-        *mesh_faults(robot, base),
-    ]
-    return sorted(found, key=lambda finding: finding.line)
+        return [finding(fault.code, "", fault.line, fault.message)]
+    if root.tag == "mujoco":
+        found += mjcf_faults(root)
+    elif root.tag != "robot":
+        message = f"the root element is <{root.tag}>; a URDF begins with <robot name=…>"
+        found.append(finding("not_a_robot", f"<{root.tag}>", root.line, message))
+    else:
+        found += [
+            *grammar_faults(root, EXTENSIONS | extensions),
+            *tree_faults(root),
+            *body_faults(root),
+            *joint_faults(root),
+            *mesh_faults(root, folder),
+            *rotor_faults(root),
+        ]
+    return sorted(found, key=lambda item: item.line)
 
 
 def check(
-    urdf: str | Path, *, folder: str | Path | None = None, extensions: Iterable[str] = ()
+    source: str | Path, *, folder: str | Path | None = None, extensions: Iterable[str] = ()
 ) -> None:
-    """Raises on the first error of `lint`; warnings pass.
+    """Raises on the first error of `lint`; warnings and notes pass.
 
     Args:
-        urdf: the text or a path, as in `lint`.
+        source: the text or a path, as in `lint`.
         folder: where relative mesh paths start, as in `lint`.
         extensions: further tags allowed under ``<robot>``.
 
@@ -71,7 +100,8 @@ def check(
         DescriptionError: names the file, line, element and remedy, and counts the other errors.
     """
     refuse(
-        lint(urdf, folder=folder, extensions=extensions), "URDF" if _is_text(urdf) else str(urdf)
+        lint(source, folder=folder, extensions=extensions),
+        "URDF" if _is_text(source) else str(source),
     )
 
 
@@ -85,5 +115,5 @@ def refuse(found: Iterable[Finding], name: str) -> None:
     raise DescriptionError(f"{name}: {errors[0]}{others}")
 
 
-def _is_text(urdf: str | Path) -> bool:
-    return isinstance(urdf, str) and urdf.lstrip("\ufeff \t\r\n").startswith("<")
+def _is_text(source: str | Path) -> bool:
+    return isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<")

@@ -7,8 +7,10 @@ without a lower limit. The table says what is known; `grammar_faults` holds a fi
 from collections.abc import Iterator
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
+from difflib import get_close_matches
 
-from snakegen.description.finding import Finding, error, label, word_fault
+from snakegen.description.finding import Finding, finding, label, word_fault
+from snakegen.description.lint_catalogue import Severity
 from snakegen.description.xmltree import Node
 from snakegen.errors import near
 
@@ -20,6 +22,7 @@ EXTENSIONS = frozenset(
         "transmission",
         "ros2_control",
         "sensor",
+        "drake:collision_filter_group",
         # tags of the public aerial-robot descriptions of the same platforms
         "m_f_rate",
         "baselink",
@@ -27,6 +30,9 @@ EXTENSIONS = frozenset(
     }
 )
 """Elements of other programs, allowed under ``<robot>`` and not looked into."""
+
+ASSUMED = {"origin": "0", "limit": "0", "inertia": "0", "mimic": None, "axis": None}
+"""What parsers take for an absent numeric attribute, where it is one number; None: it matters."""
 
 JOINT_AXES = {
     "revolute": True,
@@ -136,7 +142,7 @@ def grammar_faults(robot: Node, extensions: AbstractSet[str]) -> Iterator[Findin
         yield from _attribute_faults(node, rule, where)
         for tag in rule.needs:
             if node.find(tag) is None:
-                yield error("missing_element", where, node.line, f"needs a <{tag}>")
+                yield finding("missing_element", where, node.line, f"needs a <{tag}>")
         seen: set[str] = set()
         for child in node.children:
             if child.tag in rule.once + rule.many:
@@ -144,50 +150,109 @@ def grammar_faults(robot: Node, extensions: AbstractSet[str]) -> Iterator[Findin
                 stack.append((child, label(child) if named else owner))
                 if child.tag in rule.once and child.tag in seen:
                     message = f"a second <{child.tag}>; parsers read the first only"
-                    yield error("repeated_element", where, child.line, message)
+                    yield finding("repeated_element", where, child.line, message)
                 seen.add(child.tag)
             elif not (node.tag == "robot" and child.tag in extensions):
-                yield _stranger(child, node, rule, where, extensions)
+                yield from _stranger(child, node, rule, where, extensions)
         if node.tag == "geometry" and len(seen) != 1:
             message = f"needs exactly one shape of {', '.join(SHAPES)}; it has {len(seen)}"
-            yield error("missing_element", where, node.line, message)
+            yield finding("shapeless_geometry", where, node.line, message)
 
 
 def _stranger(
     child: Node, parent: Node, rule: Tag, where: str, extensions: AbstractSet[str]
-) -> Finding:
+) -> Iterator[Finding]:
+    """Yields what is to be said of a child that the grammar does not know at its place."""
     if child.tag.startswith("xacro:"):
-        message = f"<{child.tag}> is not expanded yet; run the file through xacro first"
-        return error("unknown_tag", where, child.line, message)
+        message = f"<{child.tag}> is not expanded yet"
+        yield finding("xacro_left", where, child.line, message)
+        return
     homes = [home for home, other in GRAMMAR.items() if child.tag in other.once + other.many]
     if child.tag in extensions:
         homes.append("robot")
     if homes:
         message = f"<{child.tag}> does not belong in <{parent.tag}>; it goes into "
         message += " or ".join(f"<{home}>" for home in homes)
-        return error("misplaced_tag", where, child.line, message)
-    known = rule.once + rule.many + (tuple(extensions) if parent.tag == "robot" else ())
-    message = f"unknown element <{child.tag}> in <{parent.tag}>.{near(child.tag, sorted(known))}"
-    return error("unknown_tag", where, child.line, message)
+        exported = parent.tag == "collision" and child.tag == "material"  # nobody reads it
+        severity: Severity | None = "note" if exported else None
+        yield finding("misplaced_tag", where, child.line, message, severity)
+        return
+    known = [*rule.once, *rule.many]
+    close = get_close_matches(child.tag, known, n=1, cutoff=0.75)
+    lost = (close and parent.find(close[0]) is None) or (close and close[0] in rule.many)
+    code = "misspelt_tag" if lost else "unknown_tag"
+    if lost:
+        message = f"unknown element <{child.tag}> in <{parent.tag}>. Did you mean {close[0]!r}?"
+    else:
+        hint = near(child.tag, sorted(extensions)) if parent.tag == "robot" else ""
+        message = f"unknown element <{child.tag}> in <{parent.tag}>.{hint}"
+    yield finding(code, where, child.line, message)
 
 
 def _attribute_faults(node: Node, rule: Tag, where: str) -> Iterator[Finding]:
     counts = dict(rule.numbers)
     known = (*rule.texts, *counts)
+    meant = set()
     for name, text in node.attrib.items():
-        if name not in known and not name.startswith(("xmlns", "xml:")):
-            message = f"<{node.tag}> has no attribute {name!r}.{near(name, known)}"
-            yield error("unknown_attribute", where, node.line, message)
+        if name not in known and not name.startswith(("xmlns", "xml:")) and ":" not in name:
+            yield _unknown_attribute(node, name, text, rule, where)
+            meant.add(_meant(name, known))
         elif name in counts:
             yield from _number_faults(node, name, text.split(), counts[name], where)
-    for name in rule.required:
+    for name in set(rule.required) - meant if meant else rule.required:
         value = node.attrib.get(name)
+        severity: Severity | None = "note" if node.tag == "texture" else None
         if value is None:
             message = f"<{node.tag}> needs the attribute {name!r}"
-            yield error("missing_attribute", where, node.line, message)
+            yield finding("missing_attribute", where, node.line, message, severity)
         elif not value.strip() and name not in counts:
             message = f"the attribute {name!r} is empty"
-            yield error("missing_attribute", where, node.line, message)
+            yield finding("missing_attribute", where, node.line, message, severity)
+    yield from _habits(node, where)
+
+
+def _unknown_attribute(node: Node, name: str, text: str, rule: Tag, where: str) -> Finding:
+    """Returns the finding of an unknown attribute: an error where a number is lost by it."""
+    known = (*rule.texts, *(number for number, _ in rule.numbers))
+    meant, swapped = _meant(name, known), any(sorted(k) == sorted(name) for k in known)
+    message = f"<{node.tag}> has no attribute {name!r}."
+    if meant is None:
+        return finding("unknown_attribute", where, node.line, message.rstrip("."))
+    message += f" Did you mean {meant!r}?"
+    if meant in node.attrib:
+        same = swapped and _value(node.attrib[meant]) != _value(text)
+        code = "misspelt_attribute" if same and node.tag == "inertia" else "unknown_attribute"
+        return finding(code, where, node.line, message, None if same or not swapped else "warning")
+    assumed = ASSUMED.get(node.tag)
+    lost = (
+        assumed is None
+        or meant in rule.required
+        or any(_value(word) != 0.0 for word in text.split())
+    )
+    code = "misspelt_attribute" if lost else "unknown_attribute"
+    return finding(code, where, node.line, message, None if lost else "warning")
+
+
+def _meant(name: str, known: tuple[str, ...]) -> str | None:
+    """Returns the known attribute that an unknown name resembles: an anagram of it, or close."""
+    swapped = next((k for k in known if sorted(k) == sorted(name)), None)
+    close = get_close_matches(name, known, n=1, cutoff=0.6)
+    return swapped or (close[0] if close else None)
+
+
+def _value(word: str) -> float | None:
+    return None if word_fault(word) else float(word)
+
+
+def _habits(node: Node, where: str) -> Iterator[Finding]:
+    """Yields notes on what not every program reads: names, capsules, quaternions."""
+    name = node.attrib.get("name", "")
+    if node.tag in ("link", "joint") and (not name.isascii() or set(name) & set(" /\\\t")):
+        yield finding("odd_name", where, node.line, f"the name {name!r} is not portable")
+    if node.tag == "capsule":
+        yield finding("capsule_shape", where, node.line, "a <capsule>")
+    if "quat_xyzw" in node.attrib:
+        yield finding("quaternion_origin", where, node.line, "an attribute quat_xyzw")
 
 
 def _number_faults(
@@ -198,8 +263,9 @@ def _number_faults(
         if code:
             what = "not finite" if code == "not_finite" else "not a number"
             message = f"{name}={node.attrib[name]!r}: {word!r} is {what}"
-            yield error(code, where, node.line, message)
+            yield finding(code, where, node.line, message)
             return
     if len(words) != count:
         message = f"{name}={node.attrib[name]!r} has {len(words)} numbers, it needs {count}"
-        yield error("component_count", where, node.line, message)
+        harmless = node.tag in (*SHAPES, "color") and len(words) > count
+        yield finding("component_count", where, node.line, message, "warning" if harmless else None)

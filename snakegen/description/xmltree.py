@@ -20,12 +20,17 @@ class XmlFault(Exception):
 
 @dataclass
 class Node:
-    """One element: its tag, attributes, 1-based line and child elements in order."""
+    """One element: its tag, attributes, 1-based line, child elements in order.
+
+    `start` and `end` are the byte offsets of the element in the UTF-8 text, -1 where unknown.
+    """
 
     tag: str
     attrib: dict[str, str]
     line: int
     children: list["Node"] = field(default_factory=list)
+    start: int = -1
+    end: int = -1
 
     def find(self, tag: str) -> "Node | None":
         """Returns the first child with this tag, or None."""
@@ -53,27 +58,30 @@ def parse_xml(text: str) -> Node:
     stack = [top]
 
     def start(tag: str, attrib: dict[str, str]) -> None:
-        node = Node(tag, attrib, parser.CurrentLineNumber)
+        node = Node(tag, attrib, parser.CurrentLineNumber, start=parser.CurrentByteIndex)
         stack[-1].children.append(node)
         stack.append(node)
 
     def end(_tag: str) -> None:
-        stack.pop()
+        at = parser.CurrentByteIndex  # of the end tag, or of the element where it has none
+        stack.pop().end = data.index(b">", at) + 1 if data[at : at + 2] == b"</" else at
 
     def doctype(*_args: object) -> None:
         line = parser.CurrentLineNumber
         raise XmlFault("doctype", line, "a DOCTYPE (and so any entity) is refused; remove it")
 
+    try:
+        data = text.removeprefix("\ufeff").encode("utf-8")
+    except UnicodeEncodeError:
+        raise XmlFault("malformed_xml", 1, "the text holds characters that no XML allows") from None
     parser.StartElementHandler = start
     parser.EndElementHandler = end
     parser.StartDoctypeDeclHandler = doctype
     try:
-        parser.Parse(text.removeprefix("\ufeff").encode("utf-8"), True)
+        parser.Parse(data, True)
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code) or "unreadable"
         raise XmlFault(
             "malformed_xml", error.lineno, f"not well-formed XML at column {error.offset}: {reason}"
         ) from None
-    except UnicodeEncodeError:
-        raise XmlFault("malformed_xml", 1, "the text holds characters that no XML allows") from None
     return top.children[0]
