@@ -13,7 +13,9 @@ from snakegen.kernels.convex_pieces import pieces_into
 from snakegen.kernels.jit import jit
 from snakegen.kernels.limited_margins import empty_pieces
 from snakegen.margins.vectored import set_margins
+from snakegen.posture import hover_gimbals
 from snakegen.spec_file import load_spec
+from snakegen.sweep.batch import Body, evaluate
 
 DATA = Path(__file__).parent / "data"
 BENT = {"joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw": 1.0}
@@ -115,3 +117,33 @@ def test_narrow_gimbals_of_a_chain():
     robot = snakegen.load(load_spec("dragon4", overrides=narrow))
     m = margins_at(robot, robot.configuration(BENT))
     assert 4.65 < m.force <= 4.664 and m.force_bounds[1] <= 4.67
+
+
+def limited(angle, *more):
+    """Returns dragon4 with gimbals of ± `angle` rad."""
+    names = [f"vectoring_apparatus.{k}_limit={angle}" for k in ("roll", "pitch")]
+    return snakegen.load(load_spec("dragon4", overrides=[*names, *more]))
+
+
+def test_a_sweep_counts_gimbal_limits_and_least_thrusts():
+    """A row of a sweep is the margin of its posture: 4.66 N, not 44.5."""
+    angles = np.array([[1.0, 1.0, 1.0], [0.6, -0.9, 0.3]])
+    for more in ((), ("vectoring_apparatus.thrust_min=5",)):
+        robot = limited(0.05, *more)
+        joints = ("joint1_yaw", "joint2_yaw", "joint3_yaw")
+        found = evaluate(Body.of(robot, joints, np.eye(3), 1e-3), angles).to_pydict()
+        for i, row in enumerate(angles):
+            q = hover_gimbals(robot, robot.configuration(dict(zip(joints, row, strict=True))))
+            m = margins_at(robot, q)
+            for name in ("wrench", "force", "torque"):
+                low, high = getattr(m, f"{name}_bounds")
+                assert found[f"{name}_margin"][i] == pytest.approx(low, rel=2e-3)
+                assert found[f"{name}_margin_upper"][i] >= high * (1 - 2e-3)
+            assert found["force_margin"][i] < 8.0
+
+
+def test_a_mixture_with_fixed_rotors_is_swept_in_its_own_axes():
+    robot = snakegen.load(DATA / "tricopter.urdf", modules=DATA / "tricopter.modules.yaml")
+    table = evaluate(Body.of(robot, (), np.eye(3), 1e-3), np.zeros((1, 0))).to_pydict()
+    m = margins_at(robot, robot.configuration())
+    assert table["wrench_margin"][0] == pytest.approx(m.wrench, rel=1e-6) and m.wrench < 0

@@ -24,6 +24,7 @@ def hover_postures(
     gravity: float,
     dual: Floats,
     points: Floats,
+    frames: Floats,
     hover: Floats,
     spine: Floats,
     discs: Floats,
@@ -41,6 +42,7 @@ def hover_postures(
         gravity: m/s².
         dual: (m, 6, n_rotors), filled.
         points: (m, Ñ, 3) m, filled.
+        frames: (m, Ñ, 3, 3), filled: axes of what carries each apparatus' gimbals, of `mounts`.
         hover: (m, 6), filled.
         spine: (m, L, 2, 3) m, filled: the segments of the links, world axes.
         discs: (m, n_rotors, 3) m, filled: rotor centres, world axes.
@@ -67,8 +69,16 @@ def hover_postures(
         for j in range(gimbals.thrust_body.shape[0]):
             at = _placed(gimbals.thrust_body[j], gimbals.thrust_point, j, rotation, position)
             arm = minus(at, cog)
+            body = gimbals.thrust_body[j]
+            still = max(gimbals.roll_body[j], gimbals.pitch_body[j]) < 0
             for k in range(3):
                 points[s, j, k] = base[0, k] * arm[0] + base[1, k] * arm[1] + base[2, k] * arm[2]
+                for c in range(3):
+                    frames[s, j, k, c] = m[j, k, c]
+                    if still:  # no gimbal, whose carrier `_point_up` brings up to date
+                        frames[s, j, k, c] = 0.0
+                        for a in range(3):
+                            frames[s, j, k, c] += base[a, k] * rotation[body, a, c]
         for r in range(discs.shape[1]):
             at = _placed(rotors.body[r], rotors.position, r, rotation, position)
             write(discs[s], r, 0, at)

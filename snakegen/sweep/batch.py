@@ -45,8 +45,8 @@ class Body:
         bodies, ends, rods = _segments(robot)
         radii = [0.5 * r.diameter for a in robot.modules.apparatuses for r in a.rotors]
         return Task(
-            robot.tree, robot.rotors, robot.gimbals, low, high, self.indices, self.base,
-            bodies, ends, rods, np.array(radii), _owners(robot), robot.force_scale,
+            robot.tree, robot.rotors, robot.gimbals, robot.force_shapes, low, high, self.indices,
+            self.base, bodies, ends, rods, np.array(radii), _owners(robot), robot.force_scale,
             robot.torque_scale, self.tolerance, GRAVITY,
         )  # fmt: skip
 
@@ -59,8 +59,9 @@ def columns(body: Body) -> list[str]:
 def evaluate(body: Body, samples: Floats) -> pa.Table:
     """Returns a table with a row per posture: joints, certified margins of both modes, clearance.
 
-    `force_margin` and `torque_margin` are the certified lower bounds of the vectored mode (N,
-    N m); wrench margins are scaled; NaN where hover is infeasible.
+    `force_margin`, `torque_margin` and `wrench_margin` are the certified lower bounds of the
+    vectored mode within gimbal and thrust limits (N, N m, scaled), those that end in `_upper` the
+    upper ones; NaN where hover is infeasible.
 
     Args:
         body: robot and joints.
@@ -70,7 +71,7 @@ def evaluate(body: Body, samples: Floats) -> pa.Table:
 
 
 def table(joints: tuple[str, ...], samples: Floats, numbers: Floats) -> pa.Table:
-    """Returns samples (m, k) and what `work` made of them (m, 11) as the table of a sweep."""
+    """Returns samples (m, k) and what `work` made of them (m, 12) as the table of a sweep."""
     data: dict[str, np.ndarray] = {name: samples[:, i] for i, name in enumerate(joints)}
     data |= {name: numbers[:, i] for i, name in enumerate(NUMBERS)}
     data["closed"] = data["closed"] > 0.5

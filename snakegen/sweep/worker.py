@@ -4,7 +4,7 @@ A worker imports this module alone: no Pinocchio, pyarrow or scipy, a third of t
 reading the robot takes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,9 +13,9 @@ from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
 from snakegen.kernels.postures import hover_postures, self_distances
 from snakegen.kernels.tree import Gimbals, Ints, Rotors, Tree
-from snakegen.kernels.wrench_map import mean_drag
+from snakegen.margins.force_sets import ForceSets
 from snakegen.margins.thrust import thrust_margins
-from snakegen.margins.vectored import vectored_margins
+from snakegen.margins.vectored import set_margins
 
 CHUNK = 4096  # postures at a time inside a batch: bounds the memory
 NUMBERS = (
@@ -30,6 +30,7 @@ NUMBERS = (
     "dual_force_margin",
     "dual_torque_margin",
     "self_distance",
+    "wrench_margin_upper",
 )
 
 
@@ -39,6 +40,7 @@ class Task:
 
     Attributes:
         tree, rotors, gimbals: the robot.
+        shapes: what its apparatuses can push with, in any posture.
         low, high: (n-1,) rad, limits of all joints.
         indices: (k,) which of the tree's angles are sampled.
         base: (3, 3) attitude of the root link.
@@ -53,6 +55,7 @@ class Task:
     tree: Tree
     rotors: Rotors
     gimbals: Gimbals
+    shapes: ForceSets
     low: Floats
     high: Floats
     indices: Ints
@@ -70,7 +73,7 @@ class Task:
 
 
 def work(task: Task, samples: Floats) -> Floats:
-    """Returns (m, 11), a row per posture, in the order of `NUMBERS`.
+    """Returns (m, 12), a row per posture, in the order of `NUMBERS`.
 
     Args:
         task: robot, joints, tolerance.
@@ -92,22 +95,24 @@ def work(task: Task, samples: Floats) -> Floats:
 def _chunk(task: Task, samples: Floats, out: Floats) -> None:
     m, rotors, limit = len(samples), task.rotors, task.gimbals.limit
     dual, hover = np.empty((m, 6, rotors.body.size)), np.empty((m, 6))
+    frames = np.empty((m, limit.size, 3, 3))
     points, discs = np.empty((m, limit.size, 3)), np.empty((m, rotors.body.size, 3))
     spine, distance = np.empty((m, len(task.rods), 2, 3)), np.empty(m)
     hover_postures(
         task.tree, rotors, task.gimbals, task.low, task.high, task.base, task.indices,
-        samples, task.gravity, dual, points, hover, spine, discs, task.bodies, task.ends,
+        samples, task.gravity, dual, points, frames, hover, spine, discs, task.bodies, task.ends,
     )  # fmt: skip
     self_distances(spine, discs, task.rods, task.radii, task.owners, distance)
     exact = thrust_margins(
         dual, rotors.thrust_min, rotors.thrust_max, hover,
         force_scale=task.force_scale, torque_scale=task.torque_scale,
     )  # fmt: skip
-    free = vectored_margins(
-        points, limit, hover, tolerance=task.tolerance, drag=mean_drag(rotors, limit.size),
+    sets = replace(task.shapes, points=points, frames=frames @ task.shapes.frames)
+    free = set_margins(
+        sets, hover, tolerance=task.tolerance,
         force_scale=task.force_scale, torque_scale=task.torque_scale,
     )  # fmt: skip
-    out[:, 0] = free.wrench
+    out[:, 0], out[:, 11] = free.wrench_bounds.T
     out[:, 1:3], out[:, 3:5] = free.force_bounds, free.torque_bounds
     out[:, 5] = free.closed
     out[:, 6], out[:, 7] = exact.attitude_altitude, exact.wrench
