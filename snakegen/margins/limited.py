@@ -11,11 +11,13 @@ from snakegen.kernels.convex_pieces import pieces_into
 from snakegen.kernels.force_sets import Sets, slack
 from snakegen.kernels.limited_margins import empty_pieces, ray, span_columns
 from snakegen.kernels.subspace import RANK_TOLERANCE, subspace
+from snakegen.kernels.wrench_certificate import certify
 from snakegen.margins.force_sets import ForceSets
 from snakegen.margins.wrench_search import start_directions
 
 Floats = NDArray[np.float64]
 TURNS = 30  # of a ray to the normal that was hit
+CONES = 1_000_000  # looked at for a wrench certificate, times apparatuses: some .2 s
 TRIES = 6  # of pieces along one ray
 
 
@@ -37,6 +39,29 @@ def refine_limited(
                 break
             before = radius
     bounds[0, 0] = min(bounds[0, 0], bounds[0, 1])
+
+
+def certify_wrench(
+    hull: Sets, hover: Floats, bounds: Floats, twists: Floats, tolerance: float
+) -> None:
+    """Raises the lower bound of the wrench margin to near the upper one, where pieces reach it.
+
+    Tried are pieces along hover, to shares of the upper bound that the cones looked at allow.
+    """
+    convex, lowest = empty_pieces(hull), np.full(7, np.inf)
+    pieces_into(np.tile(hover[:3], (hull.faces.size, 1)), hull, convex)
+    for short in (0.3 * tolerance, 0.05):
+        while not bounds[0, 0] >= bounds[0, 1] * (1.0 - short):
+            radius = bounds[0, 1] * (1.0 - short)
+            if certify(radius, convex, hover, CONES // hull.faces.size, lowest)[0]:
+                bounds[0, 0] = radius
+                return
+            if lowest[0] >= radius:
+                break
+            above = slack(lowest[1:], hull, hover)  # the pieces' least is not the hull's
+            if above >= bounds[0, 1]:
+                break
+            bounds[0, 1], twists[0] = above, lowest[1:]
 
 
 def ray_bounds(

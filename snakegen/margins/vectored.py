@@ -11,7 +11,7 @@ from snakegen.kernels import limited_margins, vectored
 from snakegen.kernels.limited_margins import span_columns
 from snakegen.margins import inputs
 from snakegen.margins.force_sets import ForceSets
-from snakegen.margins.limited import ray_bounds, refine_limited
+from snakegen.margins.limited import certify_wrench, ray_bounds, refine_limited
 from snakegen.margins.wrench_search import refine
 
 Floats = NDArray[np.float64]
@@ -282,7 +282,8 @@ def set_margins(
     With balls its support is ``h(v, ω) = Σ L_j ‖v + ω × p_j + c_j ω‖``; force and torque margins
     are inner radii of slices, bracketed by a polytope of attained points and by support planes.
     Other sets are bounded by their hulls from above and by convex pieces from below. `wrench` has
-    ``a b/√(a² + b²)`` of the slices below it, and the least of a search from many starts above.
+    ``a b/√(a² + b²)`` of the slices below it, in a batch, or a certificate over all directions,
+    and the least of a search from many starts above.
 
     Args:
         sets: of one posture, or of a stack of m.
@@ -300,25 +301,29 @@ def set_margins(
     scale = inputs.scale(force_scale, torque_scale)
     inputs.positive("tolerance", tolerance)
     starts = wrench_starts if wrench_starts is not None else (STARTS if one else 0)
-    stack, frames = sets.stacked(scale)
-    wrenches, m = np.ascontiguousarray((hover / scale).reshape(-1, 6)), len(stack)
+    placed, frames = sets.stacked(scale)
+    hull = sets.hull((scale[0], scale[3]))
+    wrenches, m = np.ascontiguousarray((hover / scale).reshape(-1, 6)), len(placed)
     bounds, twists = np.empty((m, 3, 2)), np.empty((m, 3, 6))
     rank, calls = np.empty(m, np.int64), np.empty((m, 2), np.int64)
     live = sets.strengths > 0.0
     if sets.balls[live].all():
-        strength, stack = sets.strengths[live] / scale[0], np.ascontiguousarray(stack[:, live])
+        strength = sets.strengths[live] / scale[0]
+        stack = np.ascontiguousarray(placed[:, live])
         fine = tolerance * (SHARP if starts > 0 else 1.0)
         vectored.batch(stack, strength, wrenches, fine, bounds, twists, rank, calls)
         for i in np.flatnonzero((bounds[:, 0, 1] < 0.0) | (starts > 0)):
             refine(stack[i], strength, wrenches[i], bounds[i], twists[i], int(rank[i]), starts)
     else:
-        hull = sets.hull((scale[0], scale[3]))
         limited_margins.batch(
-            hull, stack, frames, sets.spans, wrenches, tolerance, bounds, twists, rank, calls
+            hull, placed, frames, sets.spans, wrenches, tolerance, bounds, twists, rank, calls
         )
         for i in np.flatnonzero((bounds[:, 0, 1] > 0.0) & (starts > 0)):
-            here = hull._replace(points=stack[i], frames=frames[i])
+            here = hull._replace(points=placed[i], frames=frames[i])
             refine_limited(here, wrenches[i], bounds[i], twists[i], tolerance, starts)
+    for i in np.flatnonzero((bounds[:, 0, 0] >= 0.0) & (rank == 6) & (starts > 0)):
+        here = hull._replace(points=placed[i], frames=frames[i])
+        certify_wrench(here, wrenches[i], bounds[i], twists[i], tolerance)
     bounds[:, 1] *= scale[0]
     bounds[:, 2] *= scale[3]
     if one:
