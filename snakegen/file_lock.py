@@ -9,7 +9,7 @@ import json
 import os
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from getpass import getuser
 from pathlib import Path
@@ -47,6 +47,7 @@ def exclusive(target: Path, lock: Path | None = None) -> Iterator[None]:
     """
     target = Path(target)
     path = lock_of(target) if lock is None else lock
+    made = [folder for folder in path.parents if not folder.exists()]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle = _acquire(path, target)
@@ -58,6 +59,9 @@ def exclusive(target: Path, lock: Path | None = None) -> Iterator[None]:
     finally:
         path.unlink(missing_ok=True)  # while it is held: nobody else's can stand there
         os.close(handle)
+        with suppress(OSError):  # nothing was written: no folder stays
+            for folder in made:
+                folder.rmdir()
 
 
 def _acquire(path: Path, target: Path) -> int:

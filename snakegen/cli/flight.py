@@ -86,8 +86,9 @@ def flight(
       snakegen analyze flight dragon4 --mission hover --trials 100
     """
     from snakegen.cli.trials import fly_trials
+    from snakegen.file_lock import exclusive
     from snakegen.files import check_writable
-    from snakegen.log import view, write
+    from snakegen.log import Journal, view, write
     from snakegen.verify.room import refuse_too_long
     from snakegen.verify.run import run
 
@@ -119,10 +120,14 @@ def flight(
         if show:
             view(path)
         return code
-    with bar as step:
-        recording = run(machine, mission, progress=step, **how)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write(recording, path, mesh_folder=meshes)
+    with exclusive(path):
+        journal = Journal(path)
+        try:
+            with bar as step:
+                recording = run(machine, mission, progress=step, keep=journal.keep, **how)
+            write(recording, path, mesh_folder=meshes)
+        finally:
+            journal.remove()
     judged = recording.verdict
     passed = judged is not None and judged.passed
     if as_json:

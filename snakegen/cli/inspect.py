@@ -38,6 +38,8 @@ def inspect(
         if png is not None or show:
             raise LogError("--png and --open show one log; leave the other out.")
         return _compare(file, other, as_json)
+    if log.journal_of(file).is_file():
+        note(_of_journal(Path(file), log.journal_of(file)))
     found = log.inspect(file)
     recording = found.recording
     if found.verdict is not None:
@@ -58,6 +60,13 @@ def inspect(
         log.view(file)
     passed = found.verdict is None or (found.verdict.passed and not found.differing)
     return 0 if passed else 3
+
+
+def _of_journal(file: Path, journal: Path) -> str:
+    """Returns the note on a flight that was killed, or still flies, before its log was written."""
+    if file.is_file():
+        return f"note: a later flight into {file} has no end; its journal is {journal}"
+    return f"note: {file} was not written; read from the flight's journal {journal}"
 
 
 def _compare(file: str, other: str, as_json: bool) -> int:

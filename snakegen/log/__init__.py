@@ -11,8 +11,20 @@ rerun is imported inside the functions alone: importing this package costs nothi
 """
 
 from snakegen.log.compare import Inspection, Row, compare, inspect
+from snakegen.log.journal import Journal, journal_of
 from snakegen.log.picture import snapshot, view
 from snakegen.log.read import read
 from snakegen.log.write import write
 
-__all__ = ["Inspection", "Row", "compare", "inspect", "read", "snapshot", "view", "write"]
+__all__ = [
+    "Inspection",
+    "Journal",
+    "Row",
+    "compare",
+    "inspect",
+    "journal_of",
+    "read",
+    "snapshot",
+    "view",
+    "write",
+]

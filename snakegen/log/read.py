@@ -8,6 +8,7 @@ from typing import Any
 
 from snakegen.errors import LogError
 from snakegen.log.checksum import is_sealed
+from snakegen.log.journal import is_journal, journal_of, read_journal
 from snakegen.log.store import decode, format_of
 from snakegen.log.write import ENTITY, identity
 from snakegen.verify.recording import Recording
@@ -16,12 +17,19 @@ from snakegen.verify.recording import Recording
 def read(path: str | Path) -> Recording:
     """Returns the recording that `snakegen.log.write` wrote to `path`, bit for bit.
 
+    Where there is no such file but the journal of a flight that was to write it, whatever ended
+    that flight, the recording is that of its whole seconds.
+
     Raises:
         LogError: there is no such file; it is no .rrd; it is cut short; snakegen did not write it.
     """
     path = Path(path)
+    if not path.is_file() and journal_of(path).is_file():
+        return read_journal(journal_of(path))
     if not path.is_file():
         raise LogError(f"there is no log {path}")
+    if is_journal(path):
+        return read_journal(path)
     with path.open("rb") as file:
         magic = file.read(4)
     if magic not in (b"RRF2", b"RRIO"):

@@ -76,6 +76,7 @@ def fly(
     position_rate: float = 40.0,
     damping: Damping = OFF,
     progress: Callable[[int], Any] | None = None,
+    watch: Callable[[int, Callable[[int, int], Flown]], Any] | None = None,
 ) -> Flown:
     """Runs `plan` in MuJoCo; an interruption keeps what was flown so far.
 
@@ -91,6 +92,7 @@ def fly(
         position_rate: Hz.
         damping: of vibration by internal forces; `noise` has the noise of its sensors.
         progress: called with the tick, at least once a second of flight.
+        watch: as `progress`, and with a function that returns ticks a … b − 1 as flown.
     """
     ticks = len(plan.time)
     dt = float(plan.time[1] - plan.time[0]) if ticks > 1 else 0.005
@@ -106,6 +108,8 @@ def fly(
                     events.append((float(plan.time[k - 1]), level, stopped))
                 if progress is not None:
                     progress(k)
+                if watch is not None:
+                    watch(k, lambda first, last: _flown(run, slice(first, last), [], ""))
                 keys.check()
     except KeyboardInterrupt:
         k = max(k, 1)
@@ -117,7 +121,7 @@ def fly(
     empty = np.flatnonzero(run.rows.used[:k] >= 1.0)[:1]
     events += [(float(plan.time[i]), "WARN", "battery empty: the rotors stop") for i in empty]
     events += told(plan, controller.law, run.trimmed)
-    return _flown(run, k, events, stopped)
+    return _flown(run, slice(0, k), events, stopped)
 
 
 class _Run:
@@ -267,26 +271,13 @@ def _frame(world: World, controller: Controller, data: mujoco.MjData) -> Floats:
     return np.asarray(rotation[law.axes_body] @ law.axes_rotation)
 
 
-def _flown(run: _Run, k: int, events: list[tuple[float, str, str]], stopped: str) -> Flown:
-    rows = run.rows
-    return Flown(
-        k,
-        rows.qpos[:k],
-        rows.qvel[:k],
-        rows.act[:k],
-        rows.force[:k],
-        rows.command[:k],
-        rows.sigma[:k],
-        rows.wanted[:k],
-        rows.given[:k],
-        rows.contact[:k],
-        rows.used[:k],
-        run.references.wind[:k],
-        sorted(events),
-        stopped,
-        run.frame,
-        run.trimmed,
-    )
+def _flown(run: _Run, part: slice, events: list[tuple[float, str, str]], stopped: str) -> Flown:
+    """Returns the ticks `part` of a run."""
+    r, wind = run.rows, run.references.wind
+    states, asked = (r.qpos, r.qvel, r.act, r.force), (r.command, r.sigma, r.wanted, r.given)
+    cut = [rows[part] for rows in (*states, *asked, r.contact, r.used, wind)]
+    last = (sorted(events), stopped, run.frame, run.trimmed)
+    return Flown(part.stop - part.start, *cut, *last)  # type: ignore[call-arg, arg-type]
 
 
 def rotation_of(wxyz: Floats) -> Floats:

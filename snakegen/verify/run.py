@@ -11,6 +11,7 @@ from snakegen.control.servos import bounded_joints
 from snakegen.errors import MissionError
 from snakegen.robot import Robot
 from snakegen.verify.before import check_air, check_references, check_start
+from snakegen.verify.blocks import Blocks
 from snakegen.verify.elastic import modal_frequencies
 from snakegen.verify.flight_report import flight_report
 from snakegen.verify.loop import fly
@@ -37,6 +38,7 @@ def run(
     ideal: bool = False,
     options: dict[str, Any] | None = None,
     progress: Callable[[int, int], Any] | None = None,
+    keep: Callable[[Recording], Any] | None = None,
 ) -> Recording:
     """Flies mission `name` with `robot` and returns the judged recording.
 
@@ -49,6 +51,8 @@ def run(
         ideal: perfect sensors and rotors.
         options: of the mission.
         progress: called with ticks flown and ticks in all.
+        keep: called with the recording of each whole second of a flight; drives and arms have
+            none.
 
     Raises:
         MissionError: the mission does not suit the robot, or cannot start from its posture.
@@ -59,7 +63,8 @@ def run(
         return module.fly(robot, seed=seed, ideal=ideal, options=given, progress=progress)
     ready = prepare(robot, name, gains=gains, allocator=allocator, ideal=ideal, options=options)
     world = ready.world()
-    return ready.flown(world, ready.imperfections, np.random.default_rng(seed), seed, progress)
+    rng = np.random.default_rng(seed)
+    return ready.flown(world, ready.imperfections, rng, seed, progress, keep=keep)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +105,7 @@ class Ready:
         progress: Callable[[int, int], Any] | None = None,
         *,
         margins: bool = True,
+        keep: Callable[[Recording], Any] | None = None,
     ) -> Recording:
         """Flies it in `world` with noise from `rng` and returns the judged recording.
 
@@ -110,6 +116,7 @@ class Ready:
             seed: what the log names as such.
             progress: called with ticks flown and ticks in all.
             margins: work out the margins along the run; they cost more than the rest of the log.
+            keep: called with the recording of each whole second, as soon as it is flown.
         """
         plan, count = self.plan, len(self.plan.time)
         rougher = float(np.hypot(imperfections.turbulence, plan.turbulence))
@@ -119,6 +126,8 @@ class Ready:
         shares = hinges(world).noise if self.damping.gain > 0 else []
         servos = len(bounded_joints(self.robot))
         noise = draw(imperfections, rng, *sizes, rate=rate, hinges=shares, servos=servos)
+        told = self.meta | {"seed": seed, "plant": vars(imperfections)}
+        blocks = None if keep is None else Blocks(world, plan, self.controller, told, keep)
         flown = fly(
             world,
             plan,
@@ -128,12 +137,11 @@ class Ready:
             position_rate=self.position_rate,
             damping=self.damping,
             progress=None if progress is None else lambda k: progress(k, count),
+            watch=None if blocks is None else blocks.flown,
         )
         window = plan.window or (0.0, float(plan.time[-1]))
         end = min(window[1], float(plan.time[flown.ticks - 1]))
-        meta = self.meta | {
-            "seed": seed,
-            "plant": vars(imperfections),
+        meta = told | {
             "stopped": flown.stopped,
             "metrics_window_s": [min(window[0], end), end],
         }
