@@ -73,12 +73,16 @@ def _flying(data: dict[str, Any], name: str) -> dict[str, Any]:
     out: dict[str, Any] = {}
     try:
         if data.get("control") is not None:
-            control = Control.model_validate(data["control"]).model_dump(mode="python")
+            checked = Control.model_validate(data["control"])
+            control = checked.model_dump(mode="python")
             asked, rate = control["rate_filter"], control["attitude_rate"]
             bends = bool((data.get("plant") or {}).get("link_stiffness"))
             count = len(data.get("apparatuses") or [])  # a body's links are not told apart here
             control["rate_filter"] = rate_filter(asked, rate, count, bends=bends)
-            sets = control.pop("gain_sets") if "gain_sets" in data["control"] else {}
+            control.pop("gain_sets")
+            named = checked.gain_sets if "gain_sets" in data["control"] else {}
+            # defaults depend on the gimbals: what a set does not name stays open here
+            sets = {k: v.model_dump(exclude_unset=True) for k, v in named.items()}
             control["gains"] = control["gains"] if sets else ""
             out |= {"control": control, "gain_sets": sets}
         if data.get("plant") is not None:

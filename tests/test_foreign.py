@@ -192,7 +192,8 @@ def test_rotors_without_gimbals_fly_in_dual_rotor_mode_alone(tmp_path):
     assert "Ñ" not in json.dumps(classes.to_json()) + str(classes.rows())
     assert "paper's rule" not in str(classes.rows())
     loops = control.analyze(robot, q)
-    assert {mode for _, mode in loops.loops} == {"dual_rotor"} and loops.own[1] == "dual_rotor"
+    assert not loops.loops and loops.own[1] == "dual_rotor"
+    assert "2 rotors set at most 2" in loops.refused["dual_rotor"]
     assert sum("(flown)" in label for label, _ in loops.rows()) == 1
     hovering = hover.analyze(robot, q)
     assert not hovering.virtual_feasible
@@ -208,10 +209,11 @@ def test_rotors_without_gimbals_fly_in_dual_rotor_mode_alone(tmp_path):
 
 def test_slow_poles_keep_their_digits_and_gimbals_keep_both_modes(stranger):
     found = control.analyze(stranger)
-    assert {mode for _, mode in found.loops} == {"dual_rotor", "virtual_single_rotor"}
+    assert {mode for _, mode in found.loops} == {"dual_rotor"}
+    assert list(found.refused) == ["virtual_single_rotor"]  # two apparatuses never can
     slow = found.loops["own", "dual_rotor"][0]
     pole = replace(slow, poles=np.array([-1.7e-4 + 0j, -3.0 + 0j]))
-    shown = replace(found, loops={("own", "dual_rotor"): (pole,)})
+    shown = replace(found, loops={("own", "dual_rotor"): (pole,)}, refused={})
     assert "slowest pole -0.00017 1/s" in shown.rows()[-1][1]
 
 

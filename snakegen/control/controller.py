@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from snakegen.control.gains import Floats, Gains, gains_from
+from snakegen.control.gain_sets import axes_body, gain_set
+from snakegen.control.gains import Gains
 from snakegen.control.servos import gimbal_give, gimbal_limits, joint_limits
 from snakegen.errors import SnakegenError, SpecError, near
 from snakegen.kernels.control_tick import control_tick
@@ -19,7 +20,6 @@ from snakegen.robot import GRAVITY, Robot
 
 MODES = {"virtual_single_rotor": VIRTUAL, "dual_rotor": DUAL}
 INTERNAL_TIME = (0.5, 0.02)  # s; slow beside the attitude loop; several ticks
-ROOT_AXES_UP_TO = 8  # links; longer bodies fly by the middle link's axes (THEORY A6)
 
 
 class ControlRefused(SnakegenError):
@@ -239,7 +239,7 @@ def flight_controller(
     _among(mode, tuple(MODES), "mode")
     axes = str(axes or control.get("axes", "auto"))
     _among(axes, ("auto", "root", "middle"), "axes")
-    body, turn = _axes_body(robot, axes)
+    body, turn = axes_body(robot, axes)
     lower, upper = gimbal_limits(robot)
     bodies, torque = joint_limits(robot)
     told = {"sigma_min": 0.02, "rate_filter": 0.0}
@@ -261,33 +261,6 @@ def flight_controller(
     return Controller(*arrays, law, robot.link_length, MODES[mode])
 
 
-def gain_set(robot: Robot, gains: str | Gains | None = None) -> Gains:
-    """Returns gains by name from the robot's own sets; Table 5's where it has none.
-
-    Raises:
-        SpecError: an unknown name.
-    """
-    if isinstance(gains, Gains):
-        return gains
-    sets = robot.modules.gain_sets
-    name = str(gains or robot.modules.control.get("gains", ""))
-    if name in sets:
-        return gains_from(sets[name])
-    if gains is not None:
-        raise SpecError(f"{robot.name} has no gain set '{name}'.{near(name, sets)}")
-    return Gains()
-
-
 def _among(value: str, known: Sequence[str], what: str) -> None:
     if value not in known:
         raise SpecError(f"{what} '{value}' is unknown.{near(value, known)}")
-
-
-def _axes_body(robot: Robot, axes: str) -> tuple[int, Floats]:
-    links = list(robot.modules.lengths)
-    if axes == "auto":
-        axes = "middle" if len(links) > ROOT_AXES_UP_TO else "root"
-    if axes == "root" or not links:
-        return 0, np.eye(3)
-    body, turn, _ = robot.body_of_link(links[(len(links) - 1) // 2])
-    return body, turn

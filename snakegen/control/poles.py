@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 
 from snakegen.control.controller import Controller
 from snakegen.control.gains import Floats, Gains
+from snakegen.control.gimbal_reach import vectoring_share
 from snakegen.kernels.control_types import VIRTUAL
 
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+NO_EFFECT = 1e-6  # sideways acceleration per g below which gimbals do not move an axis
 LONGEST = 3.0  # s, delays beyond which a loop counts as indifferent to delay
 NDComplex = NDArray[np.complex128]
 S = Polynomial([0.0, 1.0])
@@ -34,18 +36,20 @@ class Loop:
         axis: x, y, z [position] or roll, pitch, yaw.
         poles: closed-loop poles [1/s], slowest first; of x and y in dual-rotor mode they include
             the attitude loop that they go through.
-        delay_margin: s, further delay that the loop bears; 0 when it is unstable already, inf
-            beyond 3 s.
+        delay_margin: s, further delay at which the loop stays stable; 0 when it is unstable
+            already, inf above 3 s.
+        flown: whether thrust or attitude act on the axis at all; else poles are empty.
     """
 
     axis: str
     poles: NDComplex
     delay_margin: float
+    flown: bool = True
 
     @property
     def stable(self) -> bool:
         """True when every pole is in the left half plane."""
-        return bool(np.all(self.poles.real < 0))
+        return self.flown and bool(np.all(self.poles.real < 0))
 
 
 def pade(delay: float, order: int = 5) -> tuple[Polynomial, Polynomial]:
@@ -61,16 +65,22 @@ def pade(delay: float, order: int = 5) -> tuple[Polynomial, Polynomial]:
 
 
 def flight_loops(
-    controller: Controller, gains: Gains, mode: int, *, lag: float, delay: float = 0.0
+    controller: Controller,
+    gains: Gains,
+    mode: int,
+    *,
+    lag: float,
+    delay: float = 0.0,
+    angles: Floats | None = None,
 ) -> tuple[Loop, ...]:
-    """Returns the six loops of a robot's controller in a mode; see `loops`."""
-    vectoring = tuple(gains.vectoring(controller.apparatuses).mean(axis=0))
+    """Returns the six loops of a robot's controller in a mode, at joint `angles`; see `loops`."""
+    left, ahead = vectoring_share(controller, angles)
     return loops(
         gains,
         mode,
         lag=lag,
         delay=delay,
-        vectoring=(vectoring[0], vectoring[1]),
+        vectoring=(float(left), float(ahead)),
         rate_filter=controller.law.rate_filter,
     )
 
@@ -92,15 +102,19 @@ def loops(
         mode: VIRTUAL or DUAL.
         lag: s, first-order lag of motors and gimbals alike.
         delay: s, from sensing to command.
-        vectoring: mean k_φi and k_θi over the apparatuses (thrusts shared equally); taken from
-            `gains` if not given. (0, 0) leaves the attitude alone to move x and y.
+        vectoring: mean k_φi and k_θi over the apparatuses (thrusts shared equally), 0 of those that
+            no gimbal turns that way; taken from `gains` if not given. (0, 0) leaves the attitude
+            alone to move x and y.
         integral: False leaves the integral terms out.
         rate_filter: Hz, cut-off of the second-order Butterworth low-pass on rates; 0: none.
     """
     out = []
     systems = _systems(gains, mode, lag, vectoring, integral, rate_filter)
     for axis, system in zip(AXES, systems, strict=True):
-        out.append(Loop(axis, _poles(system(delay)[1]), _delay_margin(system, delay)))
+        if system is None:
+            out.append(Loop(axis, np.zeros(0, complex), 0.0, flown=False))
+        else:
+            out.append(Loop(axis, _poles(system(delay)[1]), _delay_margin(system, delay)))
     return tuple(out)
 
 
@@ -118,10 +132,13 @@ def settling_times(
     The sum of ``Res T(p)/p e^{pt}`` over the loop's poles p, T its transfer function; arguments as
     in `flight_loops`.
     """
-    vectoring = tuple(gains.vectoring(controller.apparatuses).mean(axis=0))
+    left, ahead = vectoring_share(controller)
     cutoff = controller.law.rate_filter
-    systems = _systems(gains, mode, lag, (vectoring[0], vectoring[1]), True, cutoff)
-    return {a: _settling(*s(delay), band) for a, s in zip(AXES, systems, strict=True)}
+    systems = _systems(gains, mode, lag, (float(left), float(ahead)), True, cutoff)
+    return {
+        a: np.inf if s is None else _settling(*s(delay), band)
+        for a, s in zip(AXES, systems, strict=True)
+    }
 
 
 def _settling(top: Polynomial, bottom: Polynomial, band: float) -> float:
@@ -143,24 +160,27 @@ def _systems(
     vectoring: tuple[float, float] | None,
     integral: bool,
     rate_filter: float,
-) -> list[System]:
-    """Returns the loops of the six axes; arguments as in `loops`."""
+) -> list[System | None]:
+    """Returns the loops of the six axes, None where nothing acts; arguments as in `loops`."""
     if vectoring is None:
         means = [float(np.mean(v)) for v in (gains.vectoring_roll, gains.vectoring_pitch)]
         vectoring = (means[0], means[1])
     force = np.stack([gains.force_p, gains.force_i * integral, gains.force_d])
     torque = np.stack([gains.torque_p, gains.torque_i * integral, gains.torque_d])
     tilts = (gains.attitude_pitch, gains.attitude_roll)
-    out = []
+    out: list[System | None] = []
     for i in range(len(AXES)):
         row = force[:, i] if i < 3 else torque[:, i - 3]
-        system = _single(row, lag, rate_filter)
-        if mode != VIRTUAL and i < 2:  # x tilts by pitch (torque y), y by roll (torque x)
-            vector = vectoring[1 - i]
-            system = _single(vector * row, lag, rate_filter)
-            if tilts[i] != 0.0:
-                system = _cascade(row, torque[:, 1 - i], tilts[i], vector, lag, rate_filter)
-        out.append(system)
+        if mode == VIRTUAL or i >= 2:
+            out.append(_single(row, lag, rate_filter))
+            continue
+        vector = vectoring[1 - i]  # x tilts by pitch (torque y), y by roll (torque x)
+        if tilts[i] != 0.0:
+            out.append(_cascade(row, torque[:, 1 - i], tilts[i], vector, lag, rate_filter))
+        elif abs(vector) > NO_EFFECT:
+            out.append(_single(vector * row, lag, rate_filter))
+        else:
+            out.append(None)
     return out
 
 

@@ -18,10 +18,13 @@ from snakegen.control import fully_actuated, underactuated
 from snakegen.control.controller import Controller, ControlRefused
 from snakegen.control.frame import CogFrame, cog_frame
 from snakegen.control.gains import Floats
+from snakegen.control.lost_motion import frame_loss
 from snakegen.kernels.control_types import DUAL, VIRTUAL
 from snakegen.kernels.fully_actuated import confinement, point_map
 from snakegen.kernels.mode_allocation import DUAL_SIGMA_MIN
-from snakegen.kernels.vectoring import joint_order
+from snakegen.kernels.underactuated import level_axes, rotor_map
+from snakegen.kernels.vectoring import joint_order, thrust_line
+from snakegen.words import body_axis, motions
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,18 +94,44 @@ def force_sigma_min(controller: Controller, frame: CogFrame, gimbals: Any) -> fl
     return float(sigma[5]) if len(sigma) > 5 else 0.0
 
 
-def out_of_grip(controller: Controller, reach: float) -> str:
-    """Returns why forces of σ_min `reach` at the thrust points fly no body, and what would."""
-    mended = "bend the body so that they do not stand in a line"
+def out_of_grip(controller: Controller, frame: CogFrame, gimbals: Any) -> str:
+    """Returns the motions that forces at the thrust points hardly work on, and what would help.
+
+    Arguments as in `force_sigma_min`.
+    """
+    m, limit = frame.mounts, controller.gimbals.limit
+    angles = joint_order(m, np.array(gimbals, float))
+    allowed = confinement(m, angles)
+    reach = frame.scale[:, None] * point_map(m, angles, allowed) * np.repeat(limit, 3)
+    left, sigma, _ = np.linalg.svd(reach)
+    strength = np.zeros(6)
+    strength[: len(sigma)] = sigma
+    weak = strength < controller.law.sigma_min
+    points = np.array([thrust_points(m, j, x) for j, x in enumerate(angles)])
+    length = float(frame.scale[0] / frame.scale[3])
+    names = "; ".join(motions(frame.scale[:, None] * left[:, weak], length, points))
+    directions = int(round(float(np.trace(allowed, axis1=1, axis2=2).sum())))
+    works = []
     if controller.apparatuses < 3:
-        mended = "give it three apparatuses or more"
+        works.append("give it three apparatuses or more")
+    elif directions < 6:
+        works.append(f"its gimbals turn forces in {directions} directions, six are needed")
+    elif body_axis(points) is not None:
+        works.append("bend the body so that they do not stand in a line")
     if len(controller.rotors.body) > controller.apparatuses > 1:
-        mended += ", or fly it in dual-rotor mode (control.mode=dual_rotor)"
+        works.append("fly it in dual-rotor mode (control.mode=dual_rotor)")
+    remedy = f"; {', or '.join(works)}" if works else ""
     return (
-        f"scaled σ_min(Q_force) = {round(reach, 9):.2g} at the thrust points is below "
-        f"{controller.law.sigma_min:g}: forces there hardly turn the body about one axis, if at "
-        f"all; {mended}."
+        f"scaled σ_min(Q_force) = {round(float(strength[5]), 9):.2g} at the thrust points is below "
+        f"{controller.law.sigma_min:g}: forces there hardly work on {names}, if at all{remedy}."
     )
+
+
+def thrust_points(m: Floats, j: int, angles: Floats) -> Floats:
+    """Returns the thrust point (3,) [m] of apparatus j at angles (2,), joint order."""
+    u, p = np.empty(3), np.empty(3)
+    thrust_line(m, j, angles, u, p)
+    return p
 
 
 def require_mode(
@@ -116,18 +145,45 @@ def require_mode(
     check = check_mode(controller, mode, angles, rotation, last)
     if check.allowed:
         return check
-    name, map_name = {
-        DUAL: ("dual-rotor mode", "Q_trunc"),
-        VIRTUAL: ("virtual-single-rotor mode", "J_w"),
-    }[mode]
-    if check.saturated:
-        raise ControlRefused(f"{name} refused: hover would need thrusts beyond their limits.")
+    name = {DUAL: "dual-rotor mode", VIRTUAL: "virtual-single-rotor mode"}[mode]
+    why = _refusal(controller, mode, check, angles, rotation, last)
+    raise ControlRefused(f"{name} refused: {why}.")
+
+
+def mode_refusal(
+    controller: Controller, mode: int, angles: Any, rotation: Any = None, last: Any = None
+) -> str:
+    """Returns why a mode cannot hold a posture, "" where it can; arguments as in `check_mode`."""
+    check = check_mode(controller, mode, angles, rotation, last)
+    return "" if check.allowed else _refusal(controller, mode, check, angles, rotation, last)
+
+
+def _refusal(
+    controller: Controller, mode: int, check: SwitchCheck, angles: Any, rotation: Any, last: Any
+) -> str:
+    """Returns the reason of a check that failed, without a full stop."""
+    if check.saturated and check.sigma_min >= check.threshold:
+        return "hover would need thrusts beyond their limits"
     if check.sigma_min >= check.threshold:
-        raise ControlRefused(f"{name} refused: {out_of_grip(controller, check.map_sigma_min)}")
-    raise ControlRefused(
-        f"{name} refused: scaled σ_min({map_name}) = {check.sigma_min:.2g} is below "
-        f"{check.threshold:g} in this posture."
-    )
+        return _grip_loss(controller, angles, rotation, last)
+    below = f"is below {check.threshold:g} in this posture"
+    if mode == VIRTUAL and check.map_sigma_min < check.threshold:
+        return _grip_loss(controller, angles, rotation, last)
+    if mode == VIRTUAL:
+        return f"scaled σ_min(J_w) = {check.sigma_min:.2g} {below}"
+    frame = cog_frame(controller, angles, rotation)
+    turns = underactuated.gimbals_for(controller, frame, np.zeros(3), frame.axes, last)
+    full = rotor_map(frame.mounts, frame.rotors, joint_order(frame.mounts, turns))
+    loss = frame_loss(full, controller.rotors, frame.scale, level_axes(frame.axes))
+    why = f"; {loss}" if loss else ""
+    return f"scaled σ_min(Q_trunc) = {check.sigma_min:.2g} {below}{why}"
+
+
+def _grip_loss(controller: Controller, angles: Any, rotation: Any, last: Any) -> str:
+    """Returns `out_of_grip` of a posture at its hover gimbals, without a full stop."""
+    frame = cog_frame(controller, angles, rotation)
+    a = fully_actuated.allocate(controller, frame, frame.hover_wrench, last, force=True)
+    return out_of_grip(controller, frame, a.gimbals).rstrip(".")
 
 
 def hover_gimbals(controller: Controller, angles: Any, rotation: Any = None) -> Floats:

@@ -143,7 +143,7 @@ def _check_rank(robot: Robot, controller: Controller, frame: CogFrame, command: 
     if reach < least:
         raise MissionError(
             f"{robot.name} starts where virtual-single-rotor mode is singular: "
-            f"{out_of_grip(controller, reach)}"
+            f"{out_of_grip(controller, frame, command.gimbals)}"
         )
 
 
