@@ -9,11 +9,14 @@ from snakegen.analysis.allocation import Allocation, allocation
 from snakegen.control.lost_motion import dual_loss
 from snakegen.geometry import Floats
 from snakegen.kernels.chain import forward
+from snakegen.margins.one_sided import one_sided_loss
 from snakegen.robot import Robot
 from snakegen.words import motions
 
 COMMAND = "actuation"
 ORDER = 20
+AT_LIMIT = 1e-6  # rad, of a gimbal from the end of its range
+WHOLE_TURN = 2e-3  # rad: limits of ±3.14 mean a whole turn
 RANK_TOLERANCE = 1e-6  # of the largest singular value
 
 
@@ -106,12 +109,14 @@ def scaled(robot: Robot, matrix: Floats, columns: Floats) -> Floats:
 def analyze(robot: Robot, q: Floats) -> Actuation:
     """Ranks the allocation matrices at q and classes each mode.
 
-    Columns are scaled by the largest thrust; a gimbal's column counts 1 rad. Tolerance 1e-6 σ1.
+    Columns are scaled by the largest thrust; a gimbal's column counts 1 rad, 0 where its limits
+    leave it no range. Tolerance 1e-6 σ1.
     """
     a = allocation(robot, q)
     limits, rotor_limits = robot.gimbals.limit, robot.rotors.thrust_max
     count = limits.size
-    gimbal = np.ones(2 * count)
+    rises, falls, held = _room(robot, q)
+    gimbal = (rises | falls)[count:].astype(float)
     inputs = {
         "dual": (a.dual, rotor_limits),
         "virtual": (a.virtual, limits),
@@ -135,14 +140,56 @@ def analyze(robot: Robot, q: Floats) -> Actuation:
         weight=robot.force_scale,
         least=RANK_TOLERANCE * float(np.linalg.norm(trunc, 2)),
     )
+    classes = _classes(ranks, trunc, count, vectored, loss)
+    lost = one_sided_loss(scaled(robot, *inputs["jacobian"]), rises, falls) if vectored else None
+    if lost is not None and ranks["jacobian"].rank == 6:
+        classes = (classes[0], _one_sided(robot, a, classes[1], lost, held))
     return Actuation(
         RANK_TOLERANCE,
         robot.force_scale,
         robot.torque_scale,
         tuple(ranks.values()),
-        _classes(ranks, trunc, count, vectored, loss),
+        classes,
         a,
     )
+
+
+def _room(robot: Robot, q: Floats) -> tuple[Any, Any, tuple[str, ...]]:
+    """Returns which inputs [all λ | all φ | all θ] may rise and fall, and gimbals at a limit.
+
+    Thrusts are those of a level hover, m g/Ñ each, within the limits of each apparatus.
+    """
+    count = robot.gimbals.limit.size
+    share = robot.force_scale / max(count, 1)
+    rises, falls = np.ones(3 * count, bool), np.ones(3 * count, bool)
+    least = np.bincount(robot.rotors.apparatus, robot.rotors.thrust_min, count)
+    rises[:count], falls[:count] = share < robot.gimbals.limit, share > least
+    angles, held = robot.angles(q), []
+    for j, apparatus in enumerate(robot.modules.apparatuses):
+        for k, name in enumerate((apparatus.roll, apparatus.pitch)):
+            column = (k + 1) * count + j
+            if name is None:
+                continue
+            low, high, _ = (float(x[0]) for x in robot.limits([name]))
+            if high - low >= 2.0 * np.pi - WHOLE_TURN:
+                continue
+            angle = angles[robot.joint_names.index(name)]
+            rises[column], falls[column] = angle < high - AT_LIMIT, angle > low + AT_LIMIT
+            if not (rises[column] and falls[column]):
+                held.append(name)
+    return rises, falls, tuple(held)
+
+
+def _one_sided(
+    robot: Robot, a: Allocation, found: ModeClass, lost: Floats, held: tuple[str, ...]
+) -> ModeClass:
+    """Returns the class of virtual-single-rotor mode where limits take one sense of a motion."""
+    wrench = lost * np.repeat([robot.force_scale, robot.torque_scale], 3)
+    twist = np.concatenate([wrench[:3], wrench[3:] / robot.link_length**2])
+    what = motions(twist[:, None], robot.link_length, a.thrust_points)[0]
+    where = ", ".join(held) or "thrusts"
+    sentence = f"J_w has rank 6, but {where} at a limit: one sense of {what} is out of reach"
+    return replace(found, value="underactuated", sentence=sentence, agrees=False)
 
 
 def _turnable(robot: Robot, q: Floats, a: Allocation) -> Floats:
@@ -156,7 +203,7 @@ def _turnable(robot: Robot, q: Floats, a: Allocation) -> Floats:
     rotation, _ = forward(tree, base, origin, robot.angles(q))
     out = np.zeros((3 * gimbals.limit.size,) * 2)
     for j, bodies in enumerate(zip(gimbals.roll_body, gimbals.pitch_body, strict=True)):
-        turning = [int(b) for b in bodies if b >= 0]
+        turning = [int(b) for b in bodies if b >= 0 and _range(robot, int(b)) > AT_LIMIT]
         part = np.eye(3)
         if len(turning) < 2:
             body = turning[0] if turning else int(gimbals.thrust_body[j])
@@ -165,6 +212,12 @@ def _turnable(robot: Robot, q: Floats, a: Allocation) -> Floats:
             part = np.eye(3) - np.outer(u, u) if turning else np.outer(u, u)
         out[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] = part
     return out
+
+
+def _range(robot: Robot, body: int) -> float:
+    """Returns the range [rad] of the joint that moves `body`."""
+    low, high, _ = robot.limits([robot.joint_names[body - 1]])
+    return float(high[0] - low[0])
 
 
 def _rank(robot: Robot, name: str, matrix: Floats, columns: Floats, points: Floats) -> Rank:
