@@ -117,15 +117,17 @@ def test_no_answer_nearby_holds_more_than_the_farthest(dual, start):
     c = flight_controller(dual, allocator="constrained")
     found = forecast(dual, c, start, "wrench")
     paper = follow(load_on(dual, flight_controller(dual), start, found.push, "link1"), found.held)
-    assert found.loaded == pytest.approx(found.held) and found.held < found.at_posture
-    assert paper.t < found.loaded
+    assert paper.t < found.loaded < found.held
     load_ = load_on(dual, c, start, found.push, "link1")
     rng = np.random.default_rng(0)
     best = [
-        farthest(load_, np.concatenate([rng.uniform(4, 14, 8), np.zeros(2), [0.7 * found.held]])).t
-        for _ in range(4)
+        farthest(
+            load_, np.concatenate([rng.uniform(4, 14, 8), np.zeros(2), [0.7 * found.loaded]])
+        ).t
+        for _ in range(2)
     ]
-    assert np.nanmax(best) <= found.loaded * 1.001
+    assert np.isfinite(best).all(), best
+    assert max(best) <= found.loaded * 1.001
 
 
 def test_what_cannot_be_found_is_said(dual, start):

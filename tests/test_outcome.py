@@ -134,10 +134,10 @@ def test_words_of_the_other_missions() -> None:
     push |= {"lost_wrench": [-3.06, 4.08, 0.0, 0.0, 0.0, 0.0], "lost_s": 30.0}
     first, second = outcome({"facts": {"forecast": forecast}}, push)
     assert first == (
-        "predicted to be held: 5 N along -0.60 +0.80 +0.00 on link2; then at its limit: joint1_yaw"
+        "predicted limit: 5 N along -0.60 +0.80 +0.00 on link2; there at its limit: joint1_yaw"
     )
     assert second == (
-        "tracking lost at 30.00 s: 5.1 N along -0.60 +0.80 +0.00, 1.020 of the prediction"
+        "measured limit: 5.1 N along -0.60 +0.80 +0.00 at 30.00 s, 1.020 of the prediction"
     )
     push["lost_wrench"] = None
     assert "held to the end of the ramp" in outcome({"facts": {"forecast": forecast}}, push)[1]

@@ -14,7 +14,6 @@ from snakegen.geometry import Floats
 from snakegen.kinetostatics.joint_loads import joint_loads
 from snakegen.margins.controller import (
     AllocatorMargin,
-    ControllerMargins,
     truncated_controller,
     vectored_controller,
 )
@@ -99,9 +98,9 @@ def _virtual(
         mine = {"exact_thrust": PushMargin(low, (low, high), push, _named(labels, full))}
         if limited is not None:
             mine["exact_servo"] = _limited(limited, kind, mine["exact_thrust"], joints)
-        mine["pseudo_inverse_thrust"] = _allocator(free, kind, labels)
+        mine["pseudo_inverse_thrust"] = allocator_margin(free.slices[kind], labels)
         if joints:
-            mine["pseudo_inverse_servo"] = _allocator(held, kind, labels + joints)
+            mine["pseudo_inverse_servo"] = allocator_margin(held.slices[kind], labels + joints)
         out[kind] = mine
     return out
 
@@ -132,10 +131,10 @@ def _dual(
         )
         mine["exact_servo"] = _smaller(limited, mine["exact_thrust"])
     free = truncated_controller(*given, **scale)
-    mine["pseudo_inverse_thrust"] = _margin(free, labels)
+    mine["pseudo_inverse_thrust"] = allocator_margin(free, labels)
     if joints:
         held = truncated_controller(*given, bounds=bounds, **scale)
-        mine["pseudo_inverse_servo"] = _margin(held, labels + joints)
+        mine["pseudo_inverse_servo"] = allocator_margin(held, labels + joints)
     return {kind: mine}
 
 
@@ -160,11 +159,8 @@ def _smaller(limited: PushMargin, free: PushMargin) -> PushMargin:
     return limited
 
 
-def _allocator(found: ControllerMargins, kind: str, labels: list[str]) -> PushMargin:
-    return _margin(found.slices[kind], labels)
-
-
-def _margin(found: AllocatorMargin, labels: list[str]) -> PushMargin:
+def allocator_margin(found: AllocatorMargin, labels: list[str]) -> PushMargin:
+    """Returns the margin of an allocator; `labels` name its rotors or apparatuses, then joints."""
     at = () if found.limiting < 0 else (labels[found.limiting],)
     push = tuple(float(x) for x in found.push)
     return PushMargin(found.value, (found.value, found.value), push, at)

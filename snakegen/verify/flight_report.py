@@ -157,9 +157,11 @@ def _push(meta: dict[str, Any], found: dict[str, Any]) -> str:
     if not forecast:
         return ""
     rows = [
-        ("predicted to be held", _text(found.get("predicted_wrench"))),
-        ("tracking lost at", _text(found.get("lost_wrench"))),
-        ("ratio", _text(found.get("ratio"))),
+        ("predicted limit", _text(found.get("predicted_wrench"))),
+        ("measured limit", _text(found.get("lost_wrench"))),
+        ("measured ÷ predicted (rigid body)", _text(found.get("ratio"))),
+        ("… of the deflected body", _text(found.get("loaded_ratio"))),
+        ("… with the rotors' thrust factors known", _text(found.get("informed_ratio"))),
         ("an actuator first at its limit, over the prediction", _text(found.get("limit_ratio"))),
         ("predicted to be at its limit", ", ".join(forecast["stopped"])),
         ("acting on", str(forecast["link"])),

@@ -1,10 +1,11 @@
-"""What the analysis promises before a push: how much of it this allocator holds, on this link.
+"""Prediction of a push: the margin that `analyze margin` prints, and the limit of the loaded body.
 
-Two figures: that of the posture as it is commanded, and that of the body as it stands under the
-push, its servos behind their commands by τ/k and its thrust points where the gimbals take them. In
-dual-rotor mode, whose yaw is drag alone, servos that give way by a hundredth of a radian change
-the reach by a quarter and more. The paper's allocator promises the second; the constrained one,
-whose second figure is the most that any answer could hold, the lesser of both.
+The rigid prediction comes first: margin and weakest direction of the commanded posture, for the
+allocator and mode that fly. It shares thrust limits, servo limits, masses and drag ratio with the
+plant, and nothing else. The loaded prediction is that of the same push on the body in its
+quasi-static equilibrium: servos deflected by τ/k, thrust points where the gimbals take them; it
+shares the servos' stiffness with the plant too. In dual-rotor mode, whose yaw is drag alone, a
+deflection of a hundredth of a radian changes the limit by a quarter, and the loaded one is judged.
 """
 
 from dataclasses import dataclass
@@ -14,64 +15,70 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.analysis.allocation import Allocation, allocation
-from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
+from snakegen.analysis.push_margins import allocator_margin, push_margins, servo_bounds
 from snakegen.control.controller import Controller
 from snakegen.errors import MissionError
 from snakegen.kernels.control_types import VIRTUAL
-from snakegen.kinetostatics.joint_loads import joint_loads
+from snakegen.margins.controller import vectored_controller
 from snakegen.margins.inputs import force_map
-from snakegen.margins.rays import Bounds, Reach, inverse_ray, thrust_ray, vectored_ray
+from snakegen.margins.push_margin import PushMargin, PushMargins
+from snakegen.margins.rays import Reach, thrust_ray, vectored_ray
+from snakegen.margins.thrust import ThrustMargins, thrust_margins
+from snakegen.margins.vectored import VectoredMargins, vectored_margins
 from snakegen.robot import Robot
 from snakegen.verify.loaded import Load, load_on
 from snakegen.verify.reach_loaded import LoadedReach, farthest, follow
 
 Floats = NDArray[np.float64]
-KINDS = {"force": slice(0, 3), "torque": slice(3, 6), "wrench": slice(0, 6)}
-_SAMPLES = 3000  # directions tried for the weakest of a pseudo-inverse, then refined
+KINDS = ("force", "torque", "wrench")
+TOLERANCE = 1e-3  # relative gap of the certified margins
 
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """A push and how far it can be held.
+    """A push and the limit that is predicted for it.
 
     Attributes:
         push: (6,) unit of the push on the robot, N and N m, root-link axes, about the CoG.
-        held: multiple of it that is promised, thrust and joints within limits.
-        thrust_only: the same at the commanded posture without the joints' limits.
-        at_posture: what the commanded posture holds (the analysis' own number).
-        loaded: what the body holds as it gives way under the push; nan where no answer was found.
+        held: multiple of it at the rigid prediction, thrust and servos within limits.
+        thrust_only: the same margin without servo limits, in its own weakest direction.
+        loaded: multiple of the push at the limit of the loaded body; nan where none was found.
         stopped: what is at its limit at `held`.
+        stopped_loaded: what is at its limit at `loaded`.
         link: that carries it.
+        margin: which of the printed margins the prediction is.
     """
 
     push: Floats
     held: float
     thrust_only: float
-    at_posture: float
     loaded: float
     stopped: tuple[str, ...]
+    stopped_loaded: tuple[str, ...]
     link: str
+    margin: str
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data; values that are not finite are null."""
         numbers = {
             "held": self.held,
             "thrust_only": self.thrust_only,
-            "held_at_posture": self.at_posture,
             "held_loaded": self.loaded,
         }
         plain = {k: v if np.isfinite(v) else None for k, v in numbers.items()}
         return plain | {
             "push": self.push.tolist(),
             "stopped": list(self.stopped),
+            "stopped_loaded": list(self.stopped_loaded),
             "link": self.link,
+            "margin": self.margin,
         }
 
 
 def forecast(
     robot: Robot, controller: Controller, q: Floats, kind: str = "force", link: str | None = None
 ) -> Forecast:
-    """Returns the weakest push of a kind at a hover posture, and how far it can be held.
+    """Returns the weakest push of a kind at a hover posture, and the limit predicted for it.
 
     Args:
         robot, controller: the allocator and the mode are the controller's.
@@ -84,25 +91,89 @@ def forecast(
     """
     if kind not in KINDS:
         raise MissionError(f"kind '{kind}': force, torque or wrench is needed.")
-    name = link or robot.root_link
-    direction = _weakest(robot, controller, q, kind, name)
-    rigid = _reach(robot, controller, q, direction, name)
-    if not 0 < rigid.t < np.inf:
+    name, a = link or robot.root_link, allocation(robot, q)
+    virtual, constrained = controller.mode == VIRTUAL, bool(controller.law.constrained)
+    exact = _exact(robot, a, virtual)
+    found = push_margins(robot, q, a, name, exact, TOLERANCE)
+    if virtual and kind == "wrench":
+        found = _with_wrench(robot, q, a, found, exact)
+    kind = kind if virtual else "attitude_altitude"
+    key, margin = found.prediction(kind, "constrained" if constrained else "paper")
+    if not 0 < margin.value < np.inf:
         raise MissionError(
-            f"{robot.name} holds no push in this posture: its margin is 0 or not defined."
+            f"{robot.name} holds no push in this posture: its margin is 0 (a singular posture) or "
+            "not defined (hover itself is beyond a limit)."
         )
-    free = _reach(robot, controller, q, direction, name, joints=False)
-    load = load_on(robot, controller, q, direction, name)
-    if controller.law.constrained:
-        bent = farthest(load, _unknowns(load, rigid))
+    free = found.kinds[kind][key.replace("servo", "thrust")].value
+    push = np.array(margin.push)
+    load = load_on(robot, controller, q, push, name)
+    if constrained and virtual:
+        bent = LoadedReach(float("nan"), q, ())  # seconds of work for a body that hardly differs
+    elif constrained:
+        bent = farthest(load, _unknowns(load, _exact_ray(robot, q, a, push, name, virtual)))
     else:
-        bent = follow(load, rigid.t)
-    rigid_is_less = controller.law.constrained and rigid.t <= bent.t
-    if rigid_is_less or not np.isfinite(bent.t):
-        held, stopped = rigid.t, _names(robot, controller, rigid)
-    else:
-        held, stopped = bent.t, _names_loaded(load, bent)
-    return Forecast(direction, held, free.t, rigid.t, bent.t, stopped, name)
+        bent = follow(load, margin.value)
+    stopped = _names_loaded(load, bent)
+    return Forecast(push, margin.value, free, bent.t, margin.at_limit, stopped, name, key)
+
+
+def _exact(robot: Robot, a: Allocation, virtual: bool) -> VectoredMargins | ThrustMargins:
+    """Returns the exact margins of a mode within thrust limits."""
+    scale: dict[str, Any] = {
+        "force_scale": robot.force_scale,
+        "torque_scale": robot.torque_scale,
+    }
+    if virtual:
+        limit = robot.gimbals.limit
+        return vectored_margins(a.thrust_points, limit, a.hover_wrench, drag=a.drag, **scale)
+    rotors = robot.rotors
+    return thrust_margins(a.dual, rotors.thrust_min, rotors.thrust_max, a.hover_wrench, **scale)
+
+
+def _with_wrench(
+    robot: Robot, q: Floats, a: Allocation, found: PushMargins, exact: Any
+) -> PushMargins:
+    """Returns the margins with those of scaled force and torque together: kind ``wrench``.
+
+    The exact one within servo limits is the least reach along the weakest directions of the
+    others: a figure of that direction, not a certified margin.
+    """
+    limit, scale = robot.gimbals.limit, [robot.force_scale, robot.torque_scale]
+    bounds, joints = servo_bounds(robot, q, found.link, True)
+    labels = [f"apparatus {j + 1}" for j in range(limit.size)] + joints
+    units: dict[str, Any] = {"force_scale": scale[0], "torque_scale": scale[1], "drag": a.drag}
+    given = (a.thrust_points, limit, a.hover_wrench)
+    out = {}
+    for key, kept in (("pseudo_inverse_thrust", None), ("pseudo_inverse_servo", bounds)):
+        mine = vectored_controller(*given, weights=limit, bounds=kept, **units)
+        out[key] = allocator_margin(mine.slices["wrench"], labels)
+    low, high = (float(x) for x in exact.wrench_bounds)
+    whole = PushMargin(low, (low, high), tuple(-exact.worst("wrench")), ())
+    pushes = [np.array(whole.push)]
+    pushes += [
+        np.array(found.kinds[kind]["exact_servo"].push) * unit
+        for kind, unit in zip(("force", "torque"), scale, strict=True)
+        if "exact_servo" in found.kinds[kind]
+    ]
+    rays = [_exact_ray(robot, q, a, push, found.link, True) for push in pushes]
+    i = int(np.argmin([ray.t for ray in rays]))
+    out |= {
+        "exact_thrust": whole,
+        "exact_servo": PushMargin(rays[i].t, (0.0, rays[i].t), tuple(pushes[i]), ()),
+    }
+    return PushMargins(found.link, found.kinds | {"wrench": out})
+
+
+def _exact_ray(
+    robot: Robot, q: Floats, a: Allocation, push: Floats, link: str, virtual: bool
+) -> Reach:
+    """Returns the exact reach along `push` at q, thrust and servos within limits."""
+    bounds, rotors = servo_bounds(robot, q, link, virtual)[0], robot.rotors
+    if virtual:
+        matrix = force_map(a.thrust_points, a.drag)
+        return vectored_ray(matrix, robot.gimbals.limit, a.hover_wrench, push, bounds)
+    limits = (rotors.thrust_min, rotors.thrust_max)
+    return thrust_ray(a.dual, *limits, a.hover_wrench, push, bounds, part=slice(2, 6))
 
 
 def _unknowns(load: Load, reach: Reach) -> Floats:
@@ -113,131 +184,8 @@ def _unknowns(load: Load, reach: Reach) -> Floats:
     return np.append((reach.x.reshape(-1, 3) @ base.T).ravel(), reach.t)
 
 
-def _map(robot: Robot, controller: Controller, a: Allocation) -> Floats:
-    """Returns (6, 3Ñ) of forces in root-link axes, or (6, n) of rotor thrusts."""
-    if controller.mode != VIRTUAL:
-        return a.dual
-    return force_map(a.thrust_points, a.drag)
-
-
-def _bounds(robot: Robot, controller: Controller, q: Floats, link: str) -> Bounds:
-    loads = joint_loads(robot, q, link)
-    rows = loads.rotors
-    if controller.mode == VIRTUAL:
-        rows = loads.forces.reshape(len(loads.limit), -1)
-    return Bounds(rows, loads.bias, loads.disturbance, loads.limit)
-
-
-def _reach(
-    robot: Robot,
-    controller: Controller,
-    q: Floats,
-    push: Floats,
-    link: str,
-    *,
-    joints: bool = True,
-) -> Reach:
-    """Returns the reach along `push` at q."""
-    a = allocation(robot, q)
-    bounds = _bounds(robot, controller, q, link) if joints else None
-    matrix, rotors = _map(robot, controller, a), robot.rotors
-    virtual = controller.mode == VIRTUAL
-    if not controller.law.constrained:
-        return _printed(robot, virtual, matrix, a.hover_wrench, push, bounds)
-    if virtual:
-        return vectored_ray(matrix, robot.gimbals.limit, a.hover_wrench, push, bounds)
-    low, high = rotors.thrust_min, rotors.thrust_max
-    return thrust_ray(matrix, low, high, a.hover_wrench, push, bounds, part=slice(2, 6))
-
-
-def _printed(
-    robot: Robot, virtual: bool, matrix: Floats, hover: Floats, push: Floats, bounds: Bounds | None
-) -> Reach:
-    """Returns the reach of the weighted pseudo-inverse of eqs 22 and 36."""
-    rotors, limit = robot.rotors, robot.gimbals.limit
-    if virtual:
-        d = np.repeat(limit, 3)
-        inverse = d[:, None] * np.linalg.pinv(matrix * d)
-        return inverse_ray(inverse, hover, push, 0.0, limit, bounds, balls=True)
-    d = rotors.thrust_max
-    inverse = d[:, None] * np.linalg.pinv(matrix[2:] * d)
-    low, high = rotors.thrust_min, rotors.thrust_max
-    return inverse_ray(inverse, hover[2:], push[2:], low, high, bounds, joint_push=push)
-
-
-def _weakest(robot: Robot, controller: Controller, q: Floats, kind: str, link: str) -> Floats:
-    """Returns the push (6,) against which the allocator is weakest: unit of its kind."""
-    a = allocation(robot, q)
-    scale: dict[str, Any] = {
-        "force_scale": robot.force_scale,
-        "torque_scale": robot.torque_scale,
-    }
-    virtual = controller.mode == VIRTUAL
-    if controller.law.constrained:
-        if virtual:
-            limit = robot.gimbals.limit
-            v = vectored_margins(a.thrust_points, limit, a.hover_wrench, drag=a.drag, **scale)
-            answer = v.worst(kind)
-        else:
-            rotors = robot.rotors
-            t = thrust_margins(
-                a.dual, rotors.thrust_min, rotors.thrust_max, a.hover_wrench, **scale
-            )
-            answer = t.worst("attitude_altitude")
-        if not np.all(np.isfinite(answer)):
-            raise MissionError(f"{robot.name} has no {kind} margin in this posture.")
-        return -np.asarray(answer, float)
-    part = KINDS[kind] if virtual else slice(2, 6)
-    unit = np.repeat([robot.force_scale, robot.torque_scale], 3)
-    unit = unit if part.stop - part.start > 3 else np.ones(6)
-    bounds = _bounds(robot, controller, q, link)
-    matrix = _map(robot, controller, a)
-
-    def reach(e: Floats) -> float:
-        push = np.zeros(6)
-        push[part] = e / np.linalg.norm(e)
-        t = _printed(robot, virtual, matrix, a.hover_wrench, push * unit, bounds).t
-        return t if np.isfinite(t) else 1e9
-
-    best = _least(reach, part.stop - part.start)
-    push = np.zeros(6)
-    push[part] = best / np.linalg.norm(best)
-    return push * unit
-
-
-def _least(reach: Any, size: int) -> Floats:
-    """Returns the direction of least reach: samples, then a local search from the best."""
-    from scipy.optimize import minimize
-
-    rng = np.random.default_rng(0)
-    tried = rng.standard_normal((_SAMPLES // 10 if size == 3 else _SAMPLES // 4, size))
-    order = np.argsort([reach(e) for e in tried])
-    best, least = tried[order[0]], np.inf
-    for i in order[:3]:
-        found = minimize(reach, tried[i], method="Nelder-Mead", options={"xatol": 1e-6})
-        if found.fun < least:
-            best, least = found.x, found.fun
-    return np.asarray(best, float)
-
-
-def _names(robot: Robot, controller: Controller, reach: Reach) -> tuple[str, ...]:
-    """Returns what stops a reach, by the names of rotors, apparatuses and joints."""
-    driven = {s.joint for s in robot.modules.servos}
-    joints = [n for n in robot.chain_joints if n in driven]
-    rotors = [r.link for a in robot.modules.apparatuses for r in a.rotors]
-    out = []
-    for item in reach.stopped:
-        what, _, number = item.partition(" ")
-        i = int(number)
-        if what == "joint":
-            out.append(joints[i])
-        else:
-            out.append(f"apparatus {i + 1}" if controller.mode == VIRTUAL else rotors[i])
-    return tuple(out)
-
-
 def _names_loaded(load: Load, reach: LoadedReach) -> tuple[str, ...]:
-    """Returns what stops a reach of the body that gives way, by name."""
+    """Returns what is at its limit at the end of a loaded push, by name."""
     rotors = [r.link for a in load.robot.modules.apparatuses for r in a.rotors]
     out = []
     for what, i in reach.stopped:

@@ -1,4 +1,4 @@
-"""What a mission promised and what came of it, in words: for the terminal and the log's report."""
+"""What a mission predicted and what came of it, in words: for the terminal and the log's report."""
 
 from collections.abc import Callable
 from typing import Any
@@ -23,17 +23,29 @@ def _push(facts: Dict, found: Dict) -> list[str]:
     forecast = facts.get("forecast")
     if not forecast or found.get("ratio") is None:
         return []
-    told = f"predicted to be held: {_wrench(found['predicted_wrench'])} on {forecast['link']}"
-    if forecast["stopped"]:
-        told += f"; then at its limit: {', '.join(forecast['stopped'])}"
+    limits = ", ".join(forecast["stopped"])
+    told = f"predicted limit: {_wrench(found['predicted_wrench'])} on {forecast['link']}"
+    told += f"; there at its limit: {limits}" if limits else ""
+    others = [
+        f"{found[key]:.3f} of that {about}"
+        for key, about in _PREDICTIONS.items()
+        if found.get(key) is not None and abs(found[key] - found["ratio"]) > 5e-4
+    ]
+    more = f" ({', '.join(others)})" if others else ""
     if found.get("lost_wrench") is None:
         end = f"tracking held to the end of the ramp, {found['ratio']:.3f} of the prediction"
     else:
         end = (
-            f"tracking lost at {found['lost_s']:.2f} s: {_wrench(found['lost_wrench'])}, "
+            f"measured limit: {_wrench(found['lost_wrench'])} at {found['lost_s']:.2f} s, "
             f"{found['ratio']:.3f} of the prediction"
         )
-    return [told, end]
+    return [told, end + more]
+
+
+_PREDICTIONS = {
+    "informed_ratio": "with the rotors' thrust factors known",
+    "loaded_ratio": "of the deflected body",
+}
 
 
 def _loss(facts: Dict, found: Dict) -> list[str]:

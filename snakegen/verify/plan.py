@@ -1,5 +1,6 @@
 """Plans: what a mission asks for at every tick, sampled before the run starts."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -59,6 +60,7 @@ class Plan:
         trim: ticks of hover at the start, at times below the mission's 0, in which the integrals
             run faster (`trim.trimmed`).
         facts: what the mission wants in the log, as JSON.
+        drawn: more of these facts by the thrust factors (n,) that the plant drew; None for none.
     """
 
     time: Floats
@@ -84,6 +86,7 @@ class Plan:
     give_up: float = float("inf")
     trim: int = 0
     facts: dict[str, Any] = field(default_factory=dict)
+    drawn: Callable[[Floats], dict[str, Any]] | None = None
 
 
 def quintic(s: ArrayLike) -> tuple[Floats, Floats, Floats]:

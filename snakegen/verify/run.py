@@ -145,6 +145,8 @@ class Ready:
             "stopped": flown.stopped,
             "metrics_window_s": [min(window[0], end), end],
         }
+        if plan.drawn is not None:
+            meta["facts"] = meta["facts"] | plan.drawn(noise.thrust_factor)
         if flown.trimmed:
             meta["trim"] = flown.trimmed
         if imperfections.link_stiffness > 0:
@@ -189,6 +191,8 @@ def prepare(
         check_redundancy(controller, robot.name)
     imperfections = Imperfections.of(robot.modules.plant)
     imperfections = imperfections.ideal() if ideal else imperfections
+    if hasattr(module, "plant"):
+        imperfections = module.plant(imperfections, given)
     check_air(plan, imperfections)
     modes = ("dual_rotor", "virtual_single_rotor")
     meta = {
