@@ -12,7 +12,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c "$(NEW_ENOUGH)" 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check format generated bench speed fuzz wheel clean
+.PHONY: help demo test processors check format generated bench speed fuzz wheel clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*##' $(firstword $(MAKEFILE_LIST)) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -58,6 +58,22 @@ test: $(VENV)/dev.stamp ## run the tests
 	@{ $(BIN)/snakegen analyze flight dragon4 --mission push --option slow=1 -o $(OUT)/kernels.rrd & \
 		for r in dragon4 arm6 screw4; do $(BIN)/snakegen analyze $$r --json; done; wait; } > $(OUT)/kernels.txt 2>&1 || true
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
+
+# What is the same on every processor (docs/architecture.md), tried with the BLAS kernels of an old one
+# and with kernels compiled for a generic one, which takes minutes the first time.
+NUMERICAL := tests/test_generated.py tests/test_rounding.py tests/test_rank_table.py \
+	tests/test_control_poles.py tests/test_statics_law.py tests/test_reach.py \
+	tests/test_wrench_margin.py tests/test_wrench_margin_vectored.py
+
+processors: $(VENV)/dev.stamp ## run numerical tests as two other processors would
+	OPENBLAS_CORETYPE=Nehalem NPY_DISABLE_CPU_FEATURES="$(NEWER)" \
+		$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not slow" $(NUMERICAL)
+	NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
+		$(BIN)/python -m pytest -q -n 2 --dist load -m "not slow" tests/test_generated.py
+
+# What numpy may use of this processor that an old one has not.
+NEWER = $(shell $(BIN)/python -c "from numpy._core import _multiarray_umath as m; \
+	print(' '.join(n for n in m.__cpu_dispatch__ if m.__cpu_features__.get(n)))")
 
 check: $(VENV)/dev.stamp ## formatting, lint and types
 	$(BIN)/ruff format --check .

@@ -37,7 +37,9 @@ class VectoringApparatus(Part):
         description="m, pitch axis above the roll axis; if absent 0.037 for a pair of rotors, and "
         "for one rotor as far below as its duct takes to clear the link",
     )
-    thrust_min: NonNegative | list[NonNegative] = Field(0.0, description="N a rotor")
+    thrust_min: Real | list[Real] = Field(
+        0.0, description="N a rotor; negative where it can turn backwards"
+    )
     thrust_max: Positive | list[Positive] = Field(16.0, description="N a rotor")
     drag_ratio: NonNegative | list[NonNegative] = Field(0.0125, description="κ, m")
     spin: Literal["alternating", "same"] | list[list[Literal[-1, 1]]] = Field(

@@ -1,12 +1,17 @@
 """Limits of gimbals and least thrusts move hover, refusals and verdicts by the right amount."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 import snakegen
 from snakegen.analysis import hover
 from snakegen.analysis.allocation import allocation
-from snakegen.errors import MissionError
+from snakegen.description.mjcf import decorate
+from snakegen.errors import MissionError, SpecError
+from snakegen.geometry import skew
 from snakegen.margins.vectored import set_margins, vectored_margins
 from snakegen.posture import hover_gimbals
 from snakegen.robot import Robot
@@ -108,3 +113,40 @@ def test_the_verdict_names_gimbals_at_their_limits() -> None:
     assert shares[3.14159265] is None and shares[0.05].passed
     assert not shares[0.01].passed and shares[0.01].value > 0.5
     assert "gimbal" in shares[0.01].worst.part
+
+
+def test_keyframes_hover_within_least_thrusts() -> None:
+    """Keyframe thrusts carry the weight; above a least thrust they miss it least."""
+
+    def thrusts(least: float) -> tuple[np.ndarray, Robot]:
+        robot = snakegen.load(
+            load_spec("dragon3", overrides=[f"vectoring_apparatus.thrust_min={least}"])
+        )
+        model = decorate(robot.urdf, robot.modules, {}, visuals=False).compile()
+        return model.key("home").ctrl[: len(robot.rotors.body)], robot
+
+    free, robot = thrusts(0.0)
+    assert free.sum() == pytest.approx(robot.force_scale, rel=1e-6)
+    least = 0.5 * (free.min() + robot.force_scale / free.size)
+    narrowed, _ = thrusts(float(least))
+    assert free.min() < least - 0.1 and narrowed.min() >= least - 1e-6
+    a = allocation(robot, robot.configuration({}))
+    wrench = np.linalg.lstsq(a.dual, a.hover_wrench, rcond=1e-9)[0]
+    assert np.allclose(a.dual @ free, a.dual @ wrench, atol=1e-6)
+    about_root = np.eye(6)
+    about_root[3:, :3] = skew(a.cog)  # the keyframe's wrench is that of the free joint
+    q, wanted = about_root @ a.dual, about_root @ a.hover_wrench
+    box = lsq_linear(q, wanted, (least, robot.rotors.thrust_max))
+    missed = np.linalg.norm(q @ narrowed - wanted)
+    assert missed == pytest.approx(np.sqrt(2 * box.cost), rel=1e-4)
+
+
+def test_reversible_rotors_build_and_push_both_ways(tmp_path: Path) -> None:
+    """A negative least thrust passes spec, URDF, MJCF and equivalence check; sets reach below 0."""
+    spec = load_spec("dragon4", links=2, overrides=["vectoring_apparatus.thrust_min=-4"])
+    made = snakegen.build(spec, tmp_path / "r", picture=False)
+    assert made.equivalence.passed
+    robot = snakegen.load(made.urdf)
+    assert np.allclose(robot.rotors.thrust_min, -4.0) and np.allclose(robot.force_shapes.low, -8.0)
+    with pytest.raises(SpecError, match="thrust_min"):
+        load_spec("dragon4", overrides=["vectoring_apparatus.thrust_min=20"])
