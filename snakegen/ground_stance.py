@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats, rotation_about
 from snakegen.kernels.chain import centre_of_gravity, forward
 from snakegen.kernels.twist import tip_jacobian
-from snakegen.robot import GRAVITY, Robot
+from snakegen.robot import Robot
 
 _STEP = 0.2  # rad, largest turn of one step of the search for rest
 _TOLERANCE = 1e-10  # m, that the centre of gravity still falls in a step at rest
@@ -63,9 +64,13 @@ class Stance:
     gap: Floats
 
     @property
-    def drums(self) -> Floats:
+    def drums(self) -> NDArray[np.bool_]:
         """Which contacts are drums, (k,)."""
         return np.array([bool(c.axle.any()) for c in self.contacts])
+
+    def place(self, body: int, point: Floats) -> Floats:
+        """Returns a body's point (3,) [m] from the base origin, world axes."""
+        return _jacobian(self.robot, self.rotation, self.angles, body, point, ())[0]
 
     def load_at(self, link: str, point: Sequence[float]) -> Floats:
         """Returns the generalized force (6 + m, 3) of a force (3,) [N] at a point of a link."""

@@ -14,11 +14,13 @@ negative has lifted and carries no more. Both optima are certified by weak duali
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from snakegen.geometry import Floats
 from snakegen.ground_stance import COMPLIANCE, Stance
 
+Mask = NDArray[np.bool_]
 _UPRIGHT = (2, 3, 4)  # z, roll, pitch of the base twist: what normal forces hold
 _ACTIVE = 1e-7  # share of its scale at which a constraint counts as active
 
@@ -85,7 +87,7 @@ def resting_loads(body: Stance, load: Floats, compliance: float = COMPLIANCE) ->
     return out
 
 
-def _sharing(body: Stance, active: Floats, compliance: float) -> tuple[Floats, Floats, Floats]:
+def _sharing(body: Stance, active: Mask, compliance: float) -> tuple[Floats, Floats, Floats]:
     """Returns N of the active contacts as ``constant + by_load w + by_along F``."""
     soft = np.flatnonzero(np.isfinite(body.stiffness))
     index = np.concatenate([_UPRIGHT, 6 + soft])
@@ -102,7 +104,7 @@ def _sharing(body: Stance, active: Floats, compliance: float) -> tuple[Floats, F
     return found[:, 0], by_load, by_load @ body.along[body.drums].T
 
 
-def _carrying(body: Stance, load: Floats, compliance: float) -> Floats:
+def _carrying(body: Stance, load: Floats, compliance: float) -> Mask:
     """Returns which contacts carry at rest: those that would pull are dropped, one at a time."""
     active = np.ones(len(body.contacts), bool)
     while active.sum() > 1:
@@ -119,7 +121,7 @@ def _solve(
     fixed: Floats,
     rising: Floats,
     friction: float,
-    active: Floats,
+    active: Mask,
     compliance: float | None,
 ) -> HeldLoad:
     """Solves one program in [F of the drums; N of the active contacts; t]."""

@@ -16,6 +16,7 @@ from snakegen.geometry import Floats, xyzw_from_wxyz
 from snakegen.robot import Robot
 from snakegen.screw_motion import ScrewGeometry
 from snakegen.screw_robot import drive_geometry, yaw_joints
+from snakegen.verify.drive_load import AWAY, ROLLED
 from snakegen.verify.drive_plan import DrivePlan, rates
 from snakegen.verify.plan import Box
 from snakegen.verify.plant import Imperfections
@@ -71,7 +72,7 @@ def run_kinematic(robot: Robot, plan: DrivePlan, progress: Progress = None) -> D
     Raises:
         MissionError: ground that is not flat: this plant knows nothing of it.
     """
-    if plan.obstacles or plan.lift is not None:
+    if plan.obstacles or plan.lift is not None or plan.load is not None:
         raise MissionError("the kinematic plant knows flat ground alone; use plant=contact.")
     geometry = drive_geometry(robot)
     law = law_of(robot, geometry, plan)
@@ -145,6 +146,8 @@ def run_contact(
             t = k * PERIOD
             if plan.lift is not None:
                 drive.hold(*plan.lift(t))
+            if plan.load is not None:
+                drive.load(*plan.load.at(t), plan.load.link, plan.load.point)
             w = drive.state()
             desired, rate = plan.reference.at(t)
             u = law.command(noise.of(w), desired, rate)
@@ -155,12 +158,21 @@ def run_contact(
                 out.stopped = f"diverged at {t:.2f} s"
                 out.events.append((t, "ERROR", out.stopped))
                 break
+            if plan.load is not None and _let_go(drive, w, desired):
+                out.events.append((t, "INFO", "it has let go"))
+                break
             if progress is not None and k % 20 == 0:
                 progress(k, ticks)
     except KeyboardInterrupt:
         out.stopped = f"interrupted at {t:.2f} s"
         out.events.append((t, "WARN", out.stopped))
     return out.done()
+
+
+def _let_go(drive: ContactDrive, w: Floats, desired: Floats) -> bool:
+    """Tells whether a drive that holds its place has left it, or has rolled over."""
+    upright = float(drive.data.site_xmat[drive.head][8])
+    return bool(np.hypot(*(w - desired)[:2]) > AWAY or upright < math.cos(ROLLED))
 
 
 def pitch_joints(robot: Robot) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from snakegen.paths import CrabReference, FollowReference, Path, Reference, Time
 from snakegen.robot import Robot
 from snakegen.screw_motion import path_demand
 from snakegen.screw_robot import drive_geometry, yaw_joints
+from snakegen.verify.drive_load import GroundLoad
 from snakegen.verify.plan import Box
 
 GAIN = 0.5  # 1/s, HA's K
@@ -41,6 +42,7 @@ class DrivePlan:
         lift: over time [s], pitch joint angles and what yaw joints turn beside the shape [rad];
             None: all at 0.
         compliance: pitch servos are softer by this factor, so that every drum finds the ground.
+        load: gravity and a pull over time; the run ends when the drive lets go.
         obstacles: boxes on, over and beside the ground.
         thresholds: of the verdict, over the defaults; None takes a check out.
         events: (time, text).
@@ -54,6 +56,7 @@ class DrivePlan:
     feedback: bool = True
     lift: Callable[[float], tuple[Floats, Floats]] | None = None
     compliance: float = 1.0
+    load: GroundLoad | None = None
     obstacles: tuple[Box, ...] = ()
     thresholds: dict[str, dict[str, Any] | None] = field(default_factory=dict)
     events: tuple[tuple[float, str], ...] = ()
@@ -150,3 +153,58 @@ def curled(
     heading = math.pi - 0.5 * bend * len(names)
     law = time_law(distance, speed, acceleration)
     return CrabReference(((0.0, 0.0), (distance, 0.0)), (bend,) * len(names), law, heading)
+
+
+@dataclass(frozen=True, eq=False)
+class HoldReference:
+    """A state that is held."""
+
+    state: Floats
+    duration: float
+
+    def at(self, t: float) -> tuple[Floats, Floats]:
+        """Returns w_d, and a rate of 0, at any time."""
+        return self.state.copy(), np.zeros(len(self.state))
+
+
+def held_plan(
+    robot: Robot,
+    q: Floats,
+    load: GroundLoad,
+    gain: float,
+    thresholds: dict[str, dict[str, Any] | None],
+    facts: dict[str, Any],
+) -> DrivePlan:
+    """Returns the plan of a drive that holds its place, in the posture of q, under a rising load.
+
+    Raises:
+        MissionError: joints bent out of the plane: drives start flat.
+    """
+    angle = dict(zip(robot.joint_names, robot.angles(q), strict=True))
+    yaws = yaw_joints(robot)
+    bent = [n for n in robot.chain_joints if n not in yaws and abs(angle[n]) > 1e-9]
+    if bent:
+        raise MissionError(f"{bent[0]} is bent out of the plane; drives hold flat postures.")
+    state = np.array([0.0, 0.0, 0.0, *(angle[n] for n in yaws)])
+    duration = load.time[-1]
+    reference = HoldReference(state, duration)
+    event = ((load.time[1], f"the {load.kind} begins"),)
+    return DrivePlan(
+        reference, state, duration, gain, load=load, thresholds=thresholds, facts=facts,
+        events=event,
+    )  # fmt: skip
+
+
+def check_figure(robot: Robot, figure: float, what: str) -> None:
+    """Raises MissionError where there is no limit to confirm."""
+    if not (np.isfinite(figure) and figure > 1e-3):
+        raise MissionError(
+            f"{robot.name} has no {what} to confirm in this posture: the analysis gives {figure:g}."
+        )
+
+
+def choice(value: Any, known: tuple[str, ...], name: str) -> str:
+    """Returns one of the known values of an option, else raises MissionError."""
+    if value not in known:
+        raise MissionError(f"{name} '{value}': one of {', '.join(known)} is needed.")
+    return str(value)

@@ -107,6 +107,21 @@ def _opening(facts: Dict, found: Dict) -> list[str]:
     ]
 
 
+def _ground_load(facts: Dict, found: Dict) -> list[str]:
+    if "load_kind" not in facts or found.get("ratio") is None:
+        return []
+    slope = facts["load_kind"] == "slope"
+    figure = np.degrees(facts["predicted"]) if slope else facts["predicted"]
+    unit = "°" if slope else " N"
+    limits = ", ".join(facts["predicted_limits"]) or "nothing but the body's balance"
+    lines = [f"predicted to be held: {figure:.3g}{unit}; limit: {limits}"]
+    if found.get("lost") is None:
+        return [*lines, f"held to the end of the ramp, {found['ratio']:.3f} of the prediction"]
+    lost = np.degrees(found["lost"]) if slope else found["lost"]
+    share = f"{found['ratio']:.3f} of the prediction"
+    return [*lines, f"let go at {found['lost_s']:.2f} s: {lost:.3g}{unit}, {share}"]
+
+
 def _battery(facts: Dict, found: Dict) -> list[str]:
     empty = found.get("battery_empty_s") is not None
     return ["the battery ran empty on the way: then the rotors stop"] if empty else []
@@ -119,6 +134,7 @@ _TELLERS: tuple[Callable[[Dict, Dict], list[str]], ...] = (
     _gust,
     _switch,
     _opening,
+    _ground_load,
     _battery,
 )
 

@@ -97,6 +97,19 @@ class ContactDrive:
         self.model.actuator_gainprm[self.pitch_servo, 0] /= factor
         self.model.actuator_biasprm[self.pitch_servo, 1] /= factor
 
+    def load(self, gravity: ArrayLike, pull: ArrayLike, link: str, point: ArrayLike) -> None:
+        """Sets gravity (3,) [m/s²] and a pull (3,) [N] at a point of a link, world axes."""
+        self.model.opt.gravity[:] = gravity
+        self.data.qfrc_applied[:] = 0.0
+        if link and np.any(pull):
+            body = self.model.body(link).id
+            turn = self.data.xmat[body].reshape(3, 3)
+            where = self.data.xpos[body] + turn @ np.asarray(point, float)
+            force, nothing = np.asarray(pull, float), np.zeros(3)
+            mujoco.mj_applyFT(
+                self.model, self.data, force, nothing, where, body, self.data.qfrc_applied
+            )
+
     def step(self, u: ArrayLike, steps: int = 1) -> None:
         """Holds the input u (n + m - 1,) for a number of time steps."""
         u = np.asarray(u, float)

@@ -1,0 +1,162 @@
+"""Traction of screw drives: against closed forms, another solver and contact."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from snakegen.analysis import traction
+from snakegen.errors import AnalysisError, MissionError
+from snakegen.ground_stance import stance
+from snakegen.robot import load
+from snakegen.screw_robot import drive_geometry
+from snakegen.spec_file import load_spec
+from snakegen.traction_limits import downhill, gravity_on, largest_pull, steepest_slope
+from snakegen.traction_program import held_load, resting_loads, upper_bound
+from snakegen.verify.drive_load import load_metrics
+from snakegen.verify.recording import Recording, channel
+from snakegen.verify.run import run
+
+ARC = {"joint1_yaw": 0.5, "joint2_yaw": 0.5, "joint3_yaw": 0.5}
+DOWN = np.array([0.0, 0.0, -9.81])
+
+
+@pytest.fixture(scope="module")
+def screw4():
+    return load("screw4")
+
+
+@pytest.fixture(scope="module")
+def straight(screw4):
+    return stance(screw4, screw4.configuration())
+
+
+@pytest.fixture(scope="module")
+def quick():
+    return load(load_spec("screw4", overrides=["screw_drive.rollers=ball"]))
+
+
+@pytest.mark.parametrize("posture", [{}, ARC, {"joint2_pitch": 0.02, "joint3_pitch": -0.04}])
+def test_forces_balance_the_whole_body(screw4, posture):
+    """Sum and moment of weight and contact forces, from places alone, at the limit."""
+    body = stance(screw4, screw4.configuration(posture))
+    direction = downhill(body, "nose_up")
+    held = steepest_slope(body, direction, 0.4)
+    gravity = gravity_on(held.value, direction)
+    forces = [
+        n * np.array([0, 0, 1]) + f * c.axle
+        for n, f, c in zip(held.at.normal, held.at.along, body.contacts, strict=True)
+    ]
+    cog = np.zeros(3)
+    for i, mass in enumerate(screw4.tree.mass):
+        cog += mass / screw4.mass * body.place(i, screw4.tree.com[i])
+    moment = np.cross(cog, screw4.mass * gravity)
+    for force, contact in zip(forces, body.contacts, strict=True):
+        moment = moment + np.cross(contact.point, force)
+    assert np.abs(np.sum(forces, axis=0) + screw4.mass * gravity).max() < 0.02
+    assert np.abs(moment).max() < 0.01  # the bisection stops at 1e-5 rad
+    drums = body.drums
+    assert (np.abs(held.at.along[drums]) <= 0.4 * held.at.normal[drums] + 1e-7).all()
+    assert held.at.normal.min() > -1e-9 and held.value <= held.upper
+
+
+def test_axles_are_those_of_the_no_slip_rows(screw4):
+    """Rows of force along axles in the plane are HA's no-slip rows transposed."""
+    body = stance(screw4, screw4.configuration(ARC))
+    g = drive_geometry(screw4)
+    rows = body.along[body.drums][:, [0, 1, 5]]
+    assert np.allclose(rows, g.rows([0.5, 0.5, 0.5]), atol=1e-9)
+
+
+def test_resting_loads_are_the_minimum_of_energy(straight):
+    """Bends of pitch servos and contacts, minimized by another solver with the forces kept ≥ 0."""
+    soft = np.flatnonzero(np.isfinite(straight.stiffness))
+    index = [2, 3, 4, *(6 + soft)]
+    load_ = (straight.gravity @ DOWN)[index]
+    J, K, eps = straight.normal[:, index], straight.stiffness[soft], 5e-6
+
+    def energy(x):
+        press = np.minimum(straight.gap + J @ x, 0.0)
+        value = 0.5 * K @ x[3:] ** 2 + 0.5 * (press @ press) / eps - load_ @ x
+        slope = np.concatenate([np.zeros(3), K * x[3:]]) + J.T @ press / eps - load_
+        return value, slope
+
+    found = minimize(energy, np.zeros(len(index)), jac=True, method="BFGS", options={"gtol": 1e-9})
+    force = -np.minimum(straight.gap + J @ found.x, 0.0) / eps
+    mine = resting_loads(straight, straight.gravity @ DOWN)
+    assert np.allclose(mine, force, atol=0.05) and mine.sum() == pytest.approx(78.48, abs=0.01)
+
+
+def test_bounds_are_certified_and_in_order(straight):
+    rising = straight.gravity @ [9.81, 0.0, 0.0]
+    fixed = straight.gravity @ DOWN
+    for friction in (0.2, 0.8):
+        inner = held_load(straight, fixed, rising, friction)
+        outer = upper_bound(straight, fixed, rising, friction)
+        assert inner.certified == pytest.approx(inner.factor, abs=1e-9)
+        assert outer.certified == pytest.approx(outer.factor, abs=1e-9)
+        assert 0 < inner.factor <= outer.factor + 1e-12
+
+
+def test_a_straight_body_is_the_closed_form(straight):
+    """Helices of ±45°, loads free to share and none on the caster: tan β = μ cos 45°."""
+    slope = steepest_slope(straight, downhill(straight, "nose_up"), 0.3).upper
+    assert math.tan(slope) == pytest.approx(0.3 * math.cos(math.pi / 4), rel=1e-3)
+
+
+def test_weak_motors_limit_what_grip_allows(screw4):
+    weak = load(load_spec("screw4", overrides=["screw_drive.effort=0.2"]))
+    strong, poor = (stance(r, r.configuration()) for r in (screw4, weak))
+    pull = [largest_pull(b, downhill(b, "nose_up"), 0.8) for b in (strong, poor)]
+    assert pull[1].value < 0.6 * pull[0].value
+    assert any(text.startswith("torque of screw") for text in pull[1].at.limits)
+    # each screw carries F r sin α ≤ 0.2 N m
+    assert np.abs(pull[1].at.along).max() * 0.075 * math.sin(math.pi / 4) <= 0.2 + 1e-6
+
+
+def test_the_page_says_which_drums_carry(screw4):
+    found = traction.analyze(screw4, screw4.configuration(), friction="0.2,0.8")
+    data = found.to_json()
+    assert sum(data["load_n"].values()) == pytest.approx(9.81 * screw4.mass, abs=0.01)
+    little, much = data["frictions"]
+    assert little["slope_deg"]["nose_up"] < 10 < 20 < much["slope_deg"]["nose_up"]
+    assert much["slope_deg"]["left_down"] < 20  # it rolls over
+    assert little["pull_n"] < much["pull_n"] <= much["pull_upper_n"]
+    assert data["tip_over_deg"]["left_down"] < 30 < data["tip_over_deg"]["nose_up"]
+    for text in ("x", "-1", "nan"):
+        with pytest.raises(AnalysisError, match="friction"):
+            traction.analyze(screw4, screw4.configuration(), friction=text)
+    with pytest.raises(AnalysisError, match="slope"):
+        traction.analyze(screw4, screw4.configuration(), slope=95.0)
+
+
+def test_contact_lets_go_where_the_program_says(quick):
+    """Ball drums; benchmarks/traction.py has every wheel, three frictions, ten cases."""
+    slope = run(quick, "slope", options={"slow": 12.0})
+    assert slope.verdict.passed, slope.verdict.summary()
+    assert 0.9 < slope.metrics["ratio"] < 1.15 and slope.metrics["lost"] is not None
+    tow = run(quick, "tow", options={"slow": 12.0, "posture": ARC})
+    assert tow.verdict.passed, tow.verdict.summary()
+    with pytest.raises(MissionError, match="nose_up, nose_down"):
+        run(quick, "slope", options={"side": "up"})
+    with pytest.raises(MissionError, match="joint1_pitch is bent"):
+        run(quick, "slope", options={"posture": {"joint1_pitch": 0.01}})
+
+
+def test_a_drive_with_less_grip_than_believed_fails():
+    """The prediction of μ = 0.8 is not reached on ground of half of it."""
+    time = np.arange(0.0, 20.0, 0.01)
+    facts = {"load_time_s": [0, 10, 20], "load_value": [0, 0.0, 1.0], "predicted": 0.8}
+    away = np.where(time < 14.0, 0.0, 0.1 * (time - 14.0))[:, None]
+    error = np.hstack([away, np.zeros((len(time), 2))])[: 1 + np.searchsorted(time, 14.51)]
+    now = time[: len(error)]
+    turned = np.tile([0.0, 0.0, 0.0, 1.0], (len(now), 1))
+    signals = {
+        "state_error": channel("state_error", error, ["x", "y", "heading"]),
+        "attitude": channel("attitude", turned),
+    }
+    facts["predicted_upper"] = None
+    found = load_metrics(Recording(now, signals, meta={"facts": facts}))
+    assert found["lost"] == pytest.approx(0.4, abs=0.01)  # lost at 14 s, not when 50 mm away
+    assert found["ratio"] == pytest.approx(0.5, abs=0.02) and "bound_ratio" not in found
