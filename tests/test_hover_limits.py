@@ -9,9 +9,12 @@ from scipy.optimize import lsq_linear
 import snakegen
 from snakegen.analysis import hover
 from snakegen.analysis.allocation import allocation
+from snakegen.control.controller import flight_controller
+from snakegen.control.switch import check_mode
 from snakegen.description.mjcf import decorate
 from snakegen.errors import MissionError, SpecError
 from snakegen.geometry import skew
+from snakegen.kernels.control_types import VIRTUAL
 from snakegen.margins.vectored import set_margins, vectored_margins
 from snakegen.posture import hover_gimbals
 from snakegen.robot import Robot
@@ -99,6 +102,26 @@ def test_margins_of_logs_count_gimbal_limits_and_least_thrusts() -> None:
             assert logged == pytest.approx(getattr(m, name), rel=2e-2)
         balls = vectored_margins(a.thrust_points, robot.gimbals.limit, a.hover_wrench, **scale)
         assert 0.0 < recording.channel("force_margin").values[row, 0] < most * balls.force
+
+
+@pytest.mark.parametrize(
+    "limit, least, posture, allowed",
+    [
+        (0.05, 0.0, BEND, False),
+        (1.0, 0.0, BEND, True),
+        (3.1, 9.9, ARC, False),
+        (3.1, 9.0, ARC, True),
+    ],
+)
+def test_mode_switches_count_limits(
+    limit: float, least: float, posture: dict[str, float], allowed: bool
+) -> None:
+    """Virtual-single-rotor mode is allowed where its hover is within all limits."""
+    robot = limited(limit, least)
+    controller = flight_controller(robot)
+    q = robot.configuration(posture)
+    check = check_mode(controller, VIRTUAL, robot.angles(q), robot.base_pose(q)[0])
+    assert check.allowed == allowed and check.saturated != allowed
 
 
 def test_the_verdict_names_gimbals_at_their_limits() -> None:

@@ -116,7 +116,7 @@ def analyze(robot: Robot, q: Floats) -> Actuation:
     limits, rotor_limits = robot.gimbals.limit, robot.rotors.thrust_max
     count = limits.size
     rises, falls, held = _room(robot, q)
-    gimbal = (rises | falls)[count:].astype(float)
+    gimbal = turning_gimbals(robot)
     inputs = {
         "dual": (a.dual, rotor_limits),
         "virtual": (a.virtual, limits),
@@ -212,6 +212,12 @@ def _turnable(robot: Robot, q: Floats, a: Allocation) -> Floats:
             part = np.eye(3) - np.outer(u, u) if turning else np.outer(u, u)
         out[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] = part
     return out
+
+
+def turning_gimbals(robot: Robot) -> Floats:
+    """Returns (2Ñ,) [all φ | all θ]: 1 for a joint with a range, 0 for one without; 1 if absent."""
+    bodies = np.concatenate([robot.gimbals.roll_body, robot.gimbals.pitch_body])
+    return np.array([float(b < 0 or _range(robot, int(b)) > AT_LIMIT) for b in bodies])
 
 
 def _range(robot: Robot, body: int) -> float:

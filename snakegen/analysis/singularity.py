@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from snakegen.analysis.actuation import RANK_TOLERANCE, scaled
+from snakegen.analysis.actuation import RANK_TOLERANCE, scaled, turning_gimbals
 from snakegen.analysis.allocation import allocation
 from snakegen.geometry import Floats
 from snakegen.robot import Robot
@@ -90,7 +90,7 @@ def analyze(robot: Robot, q: Floats, threshold: float = 0.02) -> Singularity:
     """
     a = allocation(robot, q)
     count = robot.gimbals.limit.size
-    columns = np.concatenate([robot.gimbals.limit, np.ones(2 * count)])
+    columns = np.concatenate([robot.gimbals.limit, turning_gimbals(robot)])
     matrix = scaled(robot, a.jacobian, columns)
     whole = np.zeros((6, max(6, 3 * count)))
     whole[:, : 3 * count] = matrix

@@ -26,6 +26,8 @@ from snakegen.kernels.underactuated import level_axes, rotor_map
 from snakegen.kernels.vectoring import joint_order, thrust_line
 from snakegen.words import body_axis, motions
 
+UNMET = 1e-3  # of the weight, and of it times a link's length: a hover's residual
+
 
 @dataclass(frozen=True, eq=False)
 class SwitchCheck:
@@ -35,7 +37,7 @@ class SwitchCheck:
         allowed: True if it can.
         sigma_min: scaled, of J_w (virtual) or Q_trunc (dual), at its hover gimbals.
         threshold: what `sigma_min` is compared with.
-        saturated: True when hover itself needs more thrust than there is.
+        saturated: True when hover itself needs thrusts or gimbal angles beyond their limits.
         map_sigma_min: scaled, of Q_force at the thrust points (virtual); NaN in dual-rotor mode.
     """
 
@@ -63,7 +65,9 @@ def check_mode(
     if mode == VIRTUAL:
         threshold = controller.law.sigma_min
         a = fully_actuated.allocate(controller, frame, frame.hover_wrench, last, force=True)
-        most, least = controller.gimbals.limit, np.zeros(controller.apparatuses)
+        most, rotors = controller.gimbals.limit, controller.rotors
+        least = np.zeros(controller.apparatuses)
+        np.add.at(least, rotors.apparatus, rotors.thrust_min)
         reach = force_sigma_min(controller, frame, a.gimbals)
     else:
         threshold = DUAL_SIGMA_MIN
@@ -71,7 +75,11 @@ def check_mode(
         turns = underactuated.gimbals_for(controller, frame, np.zeros(3), target, last)
         a = underactuated.allocate(controller, frame, frame.hover_wrench, turns, target, force=True)
         most, least = controller.rotors.thrust_max, controller.rotors.thrust_min
+    gap = (frame.scale * (a.given - frame.hover_wrench))[0 if mode == VIRTUAL else 2 :]
     saturated = bool(np.any(a.thrust > most + 1e-9) or np.any(a.thrust < least - 1e-9))
+    saturated |= bool(np.linalg.norm(gap) > UNMET)
+    low, high = controller.law.gimbal_lower, controller.law.gimbal_upper
+    saturated |= bool(np.any(a.gimbals < low - 1e-6) or np.any(a.gimbals > high + 1e-6))
     allowed = a.sigma_min >= threshold and not saturated and not reach < threshold
     return SwitchCheck(allowed, a.sigma_min, threshold, saturated, reach)
 
