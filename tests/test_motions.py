@@ -15,6 +15,7 @@ from snakegen.kinetostatics.law import joint_torques
 from snakegen.kinetostatics.motion_files import motion_of
 from snakegen.kinetostatics.table3 import table3
 from snakegen.log import inspect, write
+from snakegen.spec_file import load_spec
 from snakegen.verify import arm as arm_loop
 from snakegen.verify.run import run
 
@@ -286,3 +287,28 @@ def test_the_papers_motion_shrinks_to_a_robots_limits():
     off = analysis.analyze(snakegen.load(load_spec("arm6", overrides=aside)), np.full(12, 0.3))
     assert off.along.angles.min() >= 0.2 and off.along.angles.max() <= 0.5
     assert analysis.analyze(snakegen.load("arm6"), np.zeros(12)).name == "table3"
+
+
+def test_servo_friction_is_one_friction_everywhere():
+    """`joint.servo.friction` is what an option would say: in the law and in a run, once."""
+    rubbed = snakegen.load(load_spec("arm6", overrides=["joint.servo.friction=0.5"]))
+    plain = snakegen.load("arm6")
+    own = analysis.analyze(rubbed, rubbed.configuration(), duration=1.0)
+    asked = analysis.analyze(plain, plain.configuration(), duration=1.0, friction="0.5,0.5")
+    np.testing.assert_array_equal(own.torque, asked.torque)
+    assert own.friction.highest == (0.5, 0.5)
+    less = analysis.analyze(rubbed, rubbed.configuration(), duration=1.0, friction="0.2")
+    assert less.friction.highest == (0.2, 0.2)
+    given = {"duration": 0.2, "gravity": "0,0,0"}
+    runs = [
+        run(robot, "table3", options=given | more)
+        for robot, more in (
+            (rubbed, {}),
+            (plain, {"friction": "0.5"}),
+            (rubbed, {"friction": "0.5"}),
+        )
+    ]
+    torques = [run.channel("joint_torque").values for run in runs]
+    np.testing.assert_array_equal(torques[0], torques[1])
+    np.testing.assert_array_equal(torques[0], torques[2])
+    assert np.abs(runs[0].channel("joint_friction").values).max() == pytest.approx(0.5, rel=1e-3)

@@ -32,7 +32,10 @@ OPTIONS = {
     "terms": ["full", "depth: static, quasi_static (the paper's eq 24) or full"],
     "gravity": [None, "m/s², world; none for table3 (the paper's is weightless), else 0,0,-9.81"],
     "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
-    "friction": [None, "static,sliding of every joint in N m, as in 0.1,0.06"],
+    "friction": [
+        None,
+        "static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own",
+    ],
     "ends": ["rest", "of a table: rest, or free for one that is cut out of a motion"],
     "table": [None, "CSV to write: time, angles, torques, power"],
 }
@@ -100,7 +103,8 @@ class MotionResult:
         g = float(np.linalg.norm(self.gravity))
         what = "weightless" if g == 0 else f"gravity {g:.4g} m/s²"
         if self.friction.present:
-            what += f", friction {self.friction.static:g} N·m static, {self.friction.sliding:g}"
+            static, sliding = self.friction.highest
+            what += f", friction {static:g} N·m static, {sliding:g}"
         span = self.along.time[-1]
         name = f"{self.name} (assumed: none was given)" if self.assumed else self.name
         out = [("motion", f"{name}, {span:.4g} s, {what}; torques {self.terms}")]
@@ -159,7 +163,7 @@ class MotionResult:
             "samples": len(self.along.time),
             "terms": self.terms,
             "gravity_m_s2": self.gravity.tolist(),
-            "friction_Nm": {"static": self.friction.static, "sliding": self.friction.sliding},
+            "friction_Nm": dict(zip(("static", "sliding"), self.friction.highest, strict=True)),
             "peak_Nm": by_joint(self.peak),
             "peak_time_s": by_joint(self.peak_time),
             "rms_Nm": by_joint(self.rms),
@@ -209,7 +213,7 @@ def analyze(
         terms: depth of the torques: ``static``, ``quasi_static``, ``full``.
         gravity: (3,) m/s²; none for ``table3``, which the paper runs weightless.
         wrenches: as in `joint_torques`.
-        friction: static and sliding friction of every joint, N m.
+        friction: static and sliding friction of every joint, N m; the servos' own if absent.
         ends: as in `waypoints`.
         table: a CSV to write.
 
@@ -230,7 +234,7 @@ def analyze(
     moved = motion_of(robot, wanted, duration=lasts, start=start, ends=ends)
     if gravity is None:
         gravity = np.zeros(3) if moved.name.startswith("table3") else DOWN
-    rub = friction_of(friction)
+    rub = friction_of(friction, robot, moved.joints)
     along = torques_along(
         robot, q, moved, moved.times(rate), wrenches=wrenches, gravity=_vector(gravity)
     )

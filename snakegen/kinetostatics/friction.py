@@ -1,5 +1,6 @@
 """Dry friction of joints: static at rest, sliding in motion, a smooth fall between (Stribeck)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,37 +8,44 @@ from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
+from snakegen.robot import Robot
 
 
 @dataclass(frozen=True)
 class Friction:
-    """Dry friction, the same in every joint.
+    """Dry friction of joints.
 
     Attributes:
-        static: N m, at rest.
-        sliding: N m, in motion.
+        static: N m, at rest; one value, or (k,) of each joint.
+        sliding: N m, in motion; likewise.
         speed: rad/s, at which static friction has fallen to 1/e of its way to sliding.
         creep: rad/s, below which a joint counts as at rest: there friction grows with the rate.
     """
 
-    static: float = 0.0
-    sliding: float = 0.0
+    static: float | Floats = 0.0
+    sliding: float | Floats = 0.0
     speed: float = 0.02
     creep: float = 0.002
 
     def __post_init__(self) -> None:
         """Checks the numbers: 0 ≤ sliding ≤ static, speeds above 0."""
-        good = np.all(np.isfinite([self.static, self.sliding, self.speed]))
-        if not (good and 0 <= self.sliding <= self.static and self.speed > 0 and self.creep > 0):
+        static, sliding = np.asarray(self.static), np.asarray(self.sliding)
+        good = np.all(np.isfinite(static)) and np.all((sliding >= 0) & (sliding <= static))
+        if not (good and np.isfinite(self.speed) and self.speed > 0 and self.creep > 0):
             raise AnalysisError(
-                f"friction {self.static:g},{self.sliding:g}: static and sliding friction [N m] "
+                f"friction {static},{sliding}: static and sliding friction [N m] "
                 "with 0 ≤ sliding ≤ static are needed."
             )
 
     @property
     def present(self) -> bool:
         """Tells whether there is any."""
-        return self.static > 0
+        return bool(np.any(np.asarray(self.static) > 0))
+
+    @property
+    def highest(self) -> tuple[float, float]:
+        """The largest static and sliding friction of any joint [N m]."""
+        return float(np.max(self.static)), float(np.max(self.sliding))
 
     def bound(self, rate: Floats) -> Floats:
         """Returns the most that friction can hold at `rate` [rad/s]: N m, of rate's shape.
@@ -52,14 +60,26 @@ class Friction:
         return np.tanh(np.asarray(rate) / self.creep) * self.bound(rate)
 
 
-def friction_of(given: Friction | ArrayLike | None) -> Friction:
-    """Returns friction from ``static,sliding`` [N m], from one number for both, or none.
+def friction_of(
+    given: Friction | ArrayLike | None, robot: Robot | None = None, joints: Sequence[str] = ()
+) -> Friction:
+    """Returns friction from ``static,sliding`` [N m] or one number for both, else the robot's own.
+
+    Args:
+        given: in place of what the robot's servos say (`joint.servo.friction` of a spec).
+        robot: whose servos; without one there is none.
+        joints: in the order of which that is given.
 
     Raises:
         AnalysisError: no numbers, or static below sliding.
     """
     if given is None:
-        return Friction()
+        own = {} if robot is None else {s.joint: s.friction for s in robot.modules.servos}
+        each = np.array([own.get(name, 0.0) for name in joints])
+        if not np.any(each):
+            return Friction()
+        same = float(each[0]) if np.all(each == each[0]) else each
+        return Friction(same, same)
     if isinstance(given, Friction):
         return given
     try:

@@ -86,10 +86,11 @@ def run_arm(
     """
     try:
         gravity = finite(options.get("gravity", "0,0,-9.81"), (3,), "gravity")
-        rub = friction_of(options.get("friction"))
+        rub = friction_of(options.get("friction"), robot, motion.joints)
     except AnalysisError as error:
         raise MissionError(str(error)) from None
     world = make_world(robot, timestep=STEP, floor=False)
+    world.model.dof_frictionloss[world.qvel[world.chain]] = 0.0  # the loop applies it, once
     q = robot.configuration()
     along = torques_along(robot, q, motion, motion.times(1.0 / STEP), gravity=gravity)
     lead = str(options.get("lead", "law"))
@@ -111,7 +112,7 @@ def run_arm(
         "limits": {"joint_torque": robot.limits(motion.joints)[2].tolist()},
         "options": {k: v for k, v in options.items() if v is not None},
         "gravity_m_s2": gravity.tolist(),
-        "friction_n_m": [rub.static, rub.sliding],
+        "friction_n_m": list(rub.highest),
         "stopped": moved.stopped,
         "planned_s": float(along.time[-1]),
         "facts": dict(facts or {}),

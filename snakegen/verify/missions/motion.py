@@ -15,7 +15,10 @@ OPTIONS = {
     "ends": ["rest", "of a table: rest, or free for one that is cut out of a motion"],
     "gravity": ["0,0,-9.81", "m/s², world"],
     "lead": ["law", "what servos get beside the angle: none, speed, or law (speed and torque)"],
-    "friction": [None, "static,sliding of every joint in N m, as in 0.1,0.06"],
+    "friction": [
+        None,
+        "static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own",
+    ],
 }
 
 

@@ -14,7 +14,10 @@ OPTIONS = {
     "period": [2.0, "s"],
     "gravity": ["0,0,0", "m/s², world; the paper's run is weightless"],
     "lead": ["law", "what servos get beside the angle: none, speed, or law (speed and torque)"],
-    "friction": [None, "static,sliding of every joint in N m, as in 0.1,0.06"],
+    "friction": [
+        None,
+        "static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own",
+    ],
 }
 
 

@@ -24,7 +24,10 @@ OPTIONS = {
     "port": [None, "x,y,z,ax,ay,az,radius: an opening that the body must pass"],
     "gravity": ["0,0,-9.81", "m/s², world"],
     "lead": ["law", "what servos get beside the angle: none, speed, or law (speed and torque)"],
-    "friction": [None, "static,sliding of every joint in N m, as in 0.1,0.06"],
+    "friction": [
+        None,
+        "static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own",
+    ],
 }
 MARGIN = 0.005  # rad, kept from the limits: a spline swings a little beyond the samples
 PORT_RATE = 0.5  # rad/s, of joints that make room in the port: half of what servos do

@@ -28,7 +28,10 @@ OPTIONS = {
     "duration": [20.0, "s, of the way in"],
     "gravity": ["0,0,-9.81", "m/s², world"],
     "lead": ["law", "what servos get beside the angle: none, speed, or law (speed and torque)"],
-    "friction": [None, "static,sliding of every joint in N m, as in 0.1,0.06"],
+    "friction": [
+        None,
+        "static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own",
+    ],
 }
 MARGIN = 0.005  # rad, kept from the limits: a spline swings a little beyond the samples
 TIP_BOUND = 1e-3  # m, between tip and centreline
