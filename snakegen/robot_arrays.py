@@ -179,7 +179,7 @@ def configuration_of(
         q[:3] = _vector(position, "base_position")
         q[3:7] = quaternion_xyzw(rotation_from_rpy(_vector(rpy, "base_rpy")))
     elif np.any(_vector(rpy, "base_rpy")) or np.any(_vector(position, "base_position")):
-        raise PostureError(f"{robot.name} has a fixed base; it takes no base pose.")
+        raise PostureError(f"{robot.name} has a fixed base; mount it by base.pose of its spec.")
     for name, value in given.items():
         if name not in robot.joint_names:
             known = (*robot.joint_names, "base_rpy", "base_position")

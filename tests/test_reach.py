@@ -212,3 +212,19 @@ def test_a_planted_fault_is_seen(arm, bent, monkeypatch):
         arm, bent, path=path, options=reach.Options(corrections=0, give_up=0.1)
     ).track
     assert track.error.max() > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("robot", "points", "says"),
+    [
+        ("grasper3", [[0.4, 0.2, 0], [0.4, 0.2, 0.05]], "cannot move along [0.00 0.00 1.00]"),
+        ("arm6", [[1.5, 0.1, 0], [1.59, 0.03, 0]], "can be reached, but not in one step of 114 mm"),
+        ("arm6", [[1.5, 0, 0], [1.7, 0, 0]], "98 mm beyond the stretched chain"),
+        ("arm6", [[-0.5, 0, 0], [-0.5, 0.1, 0]], "at the limit"),
+    ],
+)
+def test_a_lost_path_says_the_true_reason(robot, points, says):
+    """Off its plane, too far in one step, beyond the chain, behind the joints' limits."""
+    machine = snakegen.load(robot)
+    result = reach.analyze(machine, machine.configuration(), path=np.array(points, float))
+    assert says in result.why, result.why

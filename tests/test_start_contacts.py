@@ -13,10 +13,13 @@ import pinocchio as pin
 import pytest
 
 import snakegen
+from snakegen.base_mount import mounted
 from snakegen.description.base_mount import floor_height, supports
 from snakegen.description.mjcf import decorate, scene
 from snakegen.description.mjcf_files import load_model
 from snakegen.description.urdf import urdf_text
+from snakegen.errors import PostureError
+from snakegen.kinetostatics.law import joint_torques
 from snakegen.robot import from_urdf_text
 from snakegen.spec_file import load_spec, presets
 from snakegen.start_contacts import contact_warnings, start_contacts
@@ -242,3 +245,21 @@ def test_a_base_is_mounted_as_its_pose_says(pose, tmp_path):
     flat = snakegen.load("arm6")
     most = pin.computeGeneralizedGravity(flat.model, flat.model.createData(), flat.configuration())
     assert np.linalg.norm(torque) == pytest.approx(level * np.linalg.norm(most), abs=1e-9)
+
+
+def test_a_base_turned_in_the_urdf_is_the_base_of_a_spec():
+    """`--base-rpy` of an arm: torques as on a base of that pose, as of a tilted gravity."""
+    rpy = [0.3, -0.5, 0.8]
+    turned = mounted(snakegen.load("arm6"), rpy)
+    again = mounted(turned, rpy)
+    spec = snakegen.load(load_spec("arm6", overrides=[f"base={{pose: any, rpy: {rpy}}}"]))
+    level = snakegen.load("arm6")
+    q = np.random.default_rng(2).uniform(-0.5, 0.5, level.model.nq)
+    down = pin.rpy.rpyToMatrix(np.array(rpy)).T @ np.array([0, 0, -9.81])
+    wanted = joint_torques(level, q, gravity=down)
+    for robot in (turned, again, spec):
+        np.testing.assert_allclose(joint_torques(robot, q), wanted, atol=1e-12)
+    with pytest.raises(PostureError, match="three angles"):
+        mounted(level, [0, "x", 0])
+    with pytest.raises(PostureError, match="floats"):
+        mounted(snakegen.load("dragon3"), rpy)

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
-from snakegen.kernels.chain import forward
 from snakegen.kinetostatics.follow import (
     Chain,
     Options,
@@ -25,6 +24,7 @@ from snakegen.kinetostatics.follow import (
 )
 from snakegen.kinetostatics.law import finite
 from snakegen.kinetostatics.paths import checked_path, circle, port, port_of, through
+from snakegen.kinetostatics.reach_reason import describe_track, length_text, stretched
 from snakegen.kinetostatics.tip import find_tip
 from snakegen.robot import Robot
 
@@ -104,7 +104,7 @@ class ReachResult:
             if np.isfinite(self.track.clearance):
                 room = self.track.clearance
                 words = "of room at least" if room >= 0 else "beyond its rim at worst"
-                out.append(("port", f"{_length(abs(room))} {words}"))
+                out.append(("port", f"{length_text(abs(room))} {words}"))
         return out
 
     def to_json(self) -> dict[str, Any]:
@@ -193,7 +193,7 @@ def analyze(
     loop = _checked_options(options, len(chain.joints))
     full = robot.angles(q)
     start, J = place(chain, full)
-    first, whole = _stretched(chain)
+    _, whole = stretched(chain)
     given = checked_path(path) if path is not None else None
     if given is None and loop.port is not None:
         given = through(loop.port, depth, duration, loop.dt)
@@ -201,7 +201,7 @@ def analyze(
         given = _default_circle(chain, full, start, radius, duration, loop)
     u, s, _ = np.linalg.svd(J)
     rank = int(np.sum(s > 1e-6 * max(s[0], 1e-300)))
-    full, missed, held = reach_point(chain, full, given[0], loop)
+    full, missed, _ = reach_point(chain, full, given[0], loop)
     track = follow(chain, full, given, loop) if missed <= loop.give_up else None
     names = tuple(robot.joint_names[j] for j in chain.joints)
     return ReachResult(
@@ -215,21 +215,8 @@ def analyze(
         missed if track is None else 0.0,
         given,
         track,
-        _why(given, first, whole, missed, held, track, loop.floor),
+        describe_track(chain, full, given, missed, track, loop),
     )
-
-
-def _stretched(chain: Chain) -> tuple[Floats, float]:
-    """Returns the first joint's place (3,) and the length of the chain stretched from there [m]."""
-    tree, body = chain.robot.tree, chain.tip.body
-    length = float(np.linalg.norm(chain.tip.point))
-    first = int(chain.joints[0]) + 1
-    while body != first:
-        length += float(np.linalg.norm(tree.translation[body]))
-        body = int(tree.parent[body])
-    # Only the first joint's place is read, which no chain joint moves.
-    _, position = forward(tree, chain.base, np.zeros(3), np.zeros(len(tree.parent) - 1))
-    return position[first], length
 
 
 def _default_circle(
@@ -240,7 +227,7 @@ def _default_circle(
     Its normal is the direction in which the tip moves least there, so that every chain of two
     joints or more can draw it: a planar one in its plane.
     """
-    first, whole = _stretched(chain)
+    first, whole = stretched(chain)
     out = start - first
     far = float(np.linalg.norm(out))
     along = out / far if far > 1e-9 else np.array([1.0, 0.0, 0.0])
@@ -248,44 +235,6 @@ def _default_circle(
     there = reach_point(chain, full, centre, loop)[0]
     normal = np.linalg.svd(place(chain, there)[1])[0][:, 2]
     return circle(centre, radius, normal, duration, loop.dt)
-
-
-def _why(
-    path: Floats,
-    first: Floats,
-    whole: float,
-    missed: float,
-    held: tuple[str, ...],
-    track: Track | None,
-    floor: float,
-) -> str:
-    """Returns one sentence about the path's fate."""
-    if track is not None and track.complete:
-        told = f"the whole path of {track.whole:.4g} m was followed"
-        if track.clearance < 0:
-            return f"{told}, but the body passes {_length(-track.clearance)} outside the port"
-        return told
-    if track is None:
-        at, begin = path[0], f"the path's first point is missed by {_length(missed)}"
-    else:
-        at, held = path[track.reached], track.held
-        begin = f"the path is lost after {track.length:.4g} of {track.whole:.4g} m"
-    far = float(np.linalg.norm(at - first))
-    if far > whole:
-        return (
-            f"{begin}: the next point is {far:.4g} m from the first joint, "
-            f"{_length(far - whole)} beyond the stretched chain"
-        )
-    if held:
-        return f"{begin}: {', '.join(held)} at the limit"
-    near = track is None or track.sigma[-1, -1] < floor
-    where = "too near a singular posture" if near else "no step inside the joint limits goes on"
-    return f"{begin}: {where}"
-
-
-def _length(metres: float) -> str:
-    """Returns a length as people say it: mm below a metre."""
-    return f"{metres:.3g} m" if metres >= 1.0 else f"{1e3 * metres:.3g} mm"
 
 
 def _checked_options(options: Options, count: int) -> Options:

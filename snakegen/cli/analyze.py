@@ -70,7 +70,8 @@ def _command(entry: Entry) -> click.Command:
         analysis = entry.load()
         if not analysis.applies(machine):
             refuse(entry.command, machine, analysis)
-        result = analysis.analyze(machine, stance.of(machine), **options)
+        machine, q = stance.of(machine)
+        result = analysis.analyze(machine, q, **options)
         if as_json:
             print_json({"robot": machine.name, "analysis": entry.command} | result.to_json())
         else:

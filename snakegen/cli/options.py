@@ -97,8 +97,9 @@ class Stance:
     base_rpy: str | None
     gimbals: str
 
-    def of(self, robot: Any) -> Any:
-        """Returns q of `robot`."""
+    def of(self, robot: Any) -> tuple[Any, Any]:
+        """Returns the robot and its q; the base of an arm is mounted as the posture says."""
+        from snakegen.base_mount import mounted
         from snakegen.errors import PostureError
         from snakegen.posture import hover_gimbals, parse_joints, read_posture
 
@@ -111,8 +112,10 @@ class Stance:
                     f"--base-rpy '{self.base_rpy}': write three angles, as in 0,0.2,0."
                 )
             given["base_rpy"] = parts
+        if "base_rpy" in given and not robot.floating:
+            robot = mounted(robot, given.pop("base_rpy"))
         q = robot.configuration(given)
-        return hover_gimbals(robot, q) if self.gimbals == "hover" else q
+        return robot, hover_gimbals(robot, q) if self.gimbals == "hover" else q
 
 
 def _gathered(name: str, kind: Any, *decorators: Decorator) -> Decorator:
@@ -162,7 +165,7 @@ posture_options = _gathered(
         help="Joint angle in rad, as in joint1_yaw=0.5; may be repeated.",
     ),
     click.option(
-        "--base-rpy", metavar="R,P,Y", help="Attitude of the root link in rad, as in 0,0.2,0."
+        "--base-rpy", metavar="R,P,Y", help="Attitude of the root link (or an arm's base), rad, as in 0,0.2,0."
     ),
     click.option(
         "--gimbals", type=click.Choice(["hover", "given"]), default="hover", show_default=True,

@@ -37,7 +37,7 @@ def report(source: Source, stance: Stance, as_json: bool, file: str | None) -> N
 
     check_ending("--report", file, *MARKDOWN)
     machine = source.machine()
-    page = collect(machine, stance.of(machine))
+    page = collect(*stance.of(machine))
     if file:
         write_markdown(page, Path(file))
         note(f"report: {file}")
