@@ -45,7 +45,7 @@ REFUSED = [
     ("analyze dragon4 --joint joint1_yaw=x", 1, "write name=value, as in joint1_yaw=0.5"),
     ("analyze dragon4 --base-rpy 1,2", 1, "write three angles"),
     ("analyze dragon4 --base-rpy 1,2,x", 1, "base_rpy"),
-    ("analyze arm6 --base-rpy 0,0,1", 1, "fixed base"),
+    ("analyze arm6 --base-rpy 0,0,x", 1, "base_rpy"),
     ("analyze dragon4 --posture none.yaml", 1, "none.yaml: no such file"),
     ("analyze dragon4 --modules m.yaml", 1, "--modules goes with a URDF"),
     ("analyze drive dragon4", 1, "'drive' does not apply to dragon4; it needs: "),

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
+from snakegen.files import require_suffix
 from snakegen.geometry import Floats
 from snakegen.kernels.cables import back_substitute, balance, lengths_and_rates
 from snakegen.kinetostatics.cable_holding import (
@@ -96,6 +97,8 @@ def analyze(
     """
     if not applies(robot):
         raise AnalysisError(f"{robot.name} is not an arm on a fixed base: cables are for those.")
+    if mjcf is not None:
+        require_suffix(mjcf, ".xml")
     cables, given = _cables(robot, sizes)
     q = robot.check_q(q)
     how: dict[str, Any] = {}

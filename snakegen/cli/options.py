@@ -165,7 +165,8 @@ posture_options = _gathered(
         help="Joint angle in rad, as in joint1_yaw=0.5; may be repeated.",
     ),
     click.option(
-        "--base-rpy", metavar="R,P,Y", help="Attitude of the root link (or an arm's base), rad, as in 0,0.2,0."
+        "--base-rpy", metavar="R,P,Y",
+        help="Attitude of the root link, or of an arm's base, in rad, as in 0,0.2,0.",
     ),
     click.option(
         "--gimbals", type=click.Choice(["hover", "given"]), default="hover", show_default=True,
