@@ -7,10 +7,10 @@ import pytest
 import snakegen
 from snakegen.analysis import tunnel
 from snakegen.errors import AnalysisError, MissionError
+from snakegen.kinetostatics.body_line import Body
 from snakegen.kinetostatics.follow import chain_of
 from snakegen.kinetostatics.hole import Hole
 from snakegen.kinetostatics.tip import find_tip
-from snakegen.kinetostatics.tunnel import Body
 from snakegen.verify.run import run
 
 MOUTH = (1.25, 0.08, 0.08)
@@ -21,7 +21,7 @@ def arm():
     return snakegen.load("arm6")
 
 
-def line_by_pinocchio(arm, angles):
+def line_by_pinocchio(arm, angles, count=50):
     """Returns points of the body's line, and how far they are behind the tip, by Pinocchio."""
     data = arm.model.createData()
     pin.framesForwardKinematics(arm.model, data, np.asarray(angles, float))
@@ -34,7 +34,7 @@ def line_by_pinocchio(arm, angles):
     points, behind, far = [], [], 0.0
     for a, b in zip(nodes[:0:-1], nodes[-2::-1], strict=True):
         size = np.linalg.norm(b - a)
-        for t in np.linspace(0, 1, 50):
+        for t in np.linspace(0, 1, count):
             points.append(a + t * (b - a))
             behind.append(far + t * size)
         far += size
@@ -98,6 +98,28 @@ def test_a_held_arm_folds_outside_and_goes_in_straight(arm):
         points, behind = line_by_pinocchio(arm, e.angles[k])
         outside = points[behind > e.depth[k] + 1e-3]
         assert (outside[:, 0] - MOUTH[0]).max() < 1e-3  # nothing reaches through the wall
+
+
+def test_the_distance_is_converged_along_the_body_and_between_steps(arm):
+    """2,000 points a link by Pinocchio give the same: 0.80 mm with 10 points, 0.83 mm in truth."""
+    found = tunnel.analyze(arm, arm.configuration(), mouth=MOUTH)
+    e, inwards = found.entry, found.hole.inwards
+
+    def dense(depth, angles):
+        points, behind = line_by_pinocchio(arm, angles, 2000)
+        points = points - found.hole.points[0]
+        inside = (behind < depth) & (points @ inwards > 0)
+        across = points[inside] - np.outer(points[inside] @ inwards, inwards)
+        return np.linalg.norm(across, axis=1).max(initial=0.0)
+
+    worst = int(np.argmax(e.off))
+    assert dense(e.depth[worst], e.angles[worst]) == pytest.approx(e.off.max(), abs=1e-6)
+    assert 8.1e-4 < found.to_json()["body_off_max_m"] < 8.5e-4
+    instants = [
+        dense(*(0.5 * (x[k] + x[k + 1]) for x in (e.depth, e.angles)))
+        for k in range(worst - 6, worst + 6)
+    ]
+    assert max(instants) <= e.between + 1e-6 and e.between < 1.2 * e.off.max()
 
 
 def test_a_hole_too_tight_for_the_joints_says_how_far_it_gets(arm):

@@ -81,7 +81,8 @@ class TunnelResult:
             (
                 "body off",
                 f"{_mm(e.off[at])} at most (tip {_mm(e.depth[at])} deep), {_mm(rms)} RMS of the "
-                f"largest at each depth; {_mm(self.hole.room)} of room",
+                f"largest at each depth, {_mm(e.between)} while joints turn between depths; "
+                f"{_mm(self.hole.room)} of room",
             ),
             ("tip error", f"{_mm(e.tip_error.max())} at most"),
         ]
@@ -96,6 +97,7 @@ class TunnelResult:
             "depth_reached_m": float(e.depth[-1]),
             "depth_m": e.whole,
             "body_off_max_m": float(e.off.max()),
+            "body_off_between_max_m": e.between,
             "tip_error_max_m": float(e.tip_error.max()),
             "room_m": self.hole.room,
             "feed_m": float(e.feed[-1]),

@@ -6,15 +6,14 @@ along the hole's first direction. Each step is a bounded least-squares problem; 
 still outside are free and fold the rest of the body.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
-from snakegen.kernels.chain import forward
-from snakegen.kernels.twist import tip_jacobian
+from snakegen.kinetostatics.body_line import Body, off_line
 from snakegen.kinetostatics.follow import Chain
 from snakegen.kinetostatics.hole import Hole
 
@@ -38,6 +37,7 @@ class Entry:
         angles: (m, k) rad, of the chain's joints.
         feed: (m,) m, of the base along the hole's first direction.
         off: (m,) m, largest distance of the body's line inside from the centreline.
+        between: m, the same while joints turn from step to step.
         tip_error: (m,) m.
         whole: m, length of the centreline.
         why: "" if all of it was entered, else what stopped the next step.
@@ -50,39 +50,7 @@ class Entry:
     tip_error: Floats
     whole: float
     why: str
-
-
-class Body:
-    """The line of a chain from its base to its tip, as points that bodies carry."""
-
-    def __init__(self, chain: Chain, per_link: int = 4) -> None:
-        self.chain, tree = chain, chain.robot.tree
-        above = [chain.tip.body]
-        while above[-1] > 0:
-            above.append(int(tree.parent[above[-1]]))
-        points, behind = [(chain.tip.body, chain.tip.point)], [0.0]
-        end, far = chain.tip.point, 0.0
-        for body in above:
-            length = float(np.linalg.norm(end))
-            if length > 1e-9:
-                for share in np.arange(1, per_link + 1) / per_link:
-                    points.append((body, (1.0 - share) * end))
-                    behind.append(far + share * length)
-            far += length
-            end = tree.translation[body]
-        self.points, self.behind = points, np.array(behind)
-        self.run_up = float(np.linalg.norm(chain.tip.point)) or 0.1 * far
-
-    def places(self, full: Floats, shift: Floats) -> Floats:
-        """Returns the points (n, 3) [m] from the base's first place, the tip first."""
-        R, p = forward(self.chain.robot.tree, self.chain.base, shift, full)
-        return np.array([p[body] + R[body] @ point for body, point in self.points])
-
-    def jacobians(self, full: Floats) -> Floats:
-        """Returns their Jacobians (n, 3, k) by the chain's joints."""
-        chain, tree = self.chain, self.chain.robot.tree
-        rows = [tip_jacobian(tree, chain.base, full, b, x)[2][:3] for b, x in self.points]
-        return np.array(rows)[:, :, chain.joints]
+    between: float = 0.0
 
 
 def enter(
@@ -117,14 +85,16 @@ def enter(
         raise AnalysisError(f"the body cannot stand outside with its tip in the mouth: {trouble}.")
     columns = [np.array(c) for c in zip(*best[0], strict=True)]
     whole = float(hole.arcs[-1])
-    return Entry(columns[0], columns[1], columns[2], columns[3], columns[4], whole, best[1])
+    entry = Entry(columns[0], columns[1], columns[2], columns[3], columns[4], whole, best[1])
+    between = off_between(Body(chain, 1), entry, full, hole)
+    return replace(entry, between=max(between, float(entry.off.max())))
 
 
 def _lead(
     chain: Chain, full: Floats, hole: Hole, feed: float, step: float, give_up: float
 ) -> tuple[list[tuple[float, Floats, float, float, float]], str]:
     """Returns the rows of `Entry` from one posture, and what stopped it, "" if nothing did."""
-    body, seen = Body(chain), Body(chain, 10)
+    body, seen = Body(chain), Body(chain, 1)
     whole, fed = float(hole.arcs[-1]), 0.0
     rows: list[tuple[float, Floats, float, float, float]] = []
     for s in np.linspace(0.0, whole, max(int(np.ceil(whole / step)), 1) + 1):
@@ -205,18 +175,21 @@ def _misses(body: Body, full: Floats, fed: float, hole: Hole, s: float) -> tuple
     return np.concatenate(residual), np.vstack(rows)
 
 
-def off_line(body: Body, places: Floats, hole: Hole, s: float) -> tuple[float, float]:
-    """Returns how far the body inside is off the centreline, and the rest beyond the wall [m].
+def off_between(body: Body, entry: Entry, full: Floats, hole: Hole) -> float:
+    """Returns the largest distance of the body inside while joints turn from step to step [m].
 
-    Whatever stands beyond the mouth counts as inside or, farther off than the room, in the wall.
+    Joints and feed go straight from one row of `entry` to the next; eight instants a step.
     """
-    beyond = (places - hole.points[0]) @ hole.inwards
-    on, _, _ = hole.nearest(places)
-    far = np.linalg.norm(places - on, axis=1)
-    inside = (body.behind < s) & (beyond > 0.0)
-    wall = (body.behind >= s) & (far > hole.room)
-    off = float(far[inside].max(initial=0.0))
-    return off, float(beyond[wall].max(initial=0.0))
+    joints, worst, full = body.chain.joints, 0.0, full.copy()
+    for k in range(len(entry.depth) - 1):
+        for w in np.arange(1, 8) / 8.0:
+            near, far = 1.0 - w, w
+            full[joints] = near * entry.angles[k] + far * entry.angles[k + 1]
+            fed = near * entry.feed[k] + far * entry.feed[k + 1]
+            s = near * entry.depth[k] + far * entry.depth[k + 1]
+            places = body.places(full, fed * hole.inwards)
+            worst = max(worst, off_line(body, places, hole, float(s))[0])
+    return worst
 
 
 def _trouble(

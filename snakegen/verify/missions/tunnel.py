@@ -9,11 +9,11 @@ from scipy.interpolate import CubicSpline
 from snakegen.analysis import tunnel
 from snakegen.errors import MissionError
 from snakegen.geometry import Floats
+from snakegen.kinetostatics.body_line import Body, off_line
 from snakegen.kinetostatics.follow import chain_of
 from snakegen.kinetostatics.hole import Hole
 from snakegen.kinetostatics.motion import Motion, Sampled, checked
 from snakegen.kinetostatics.tip import find_tip
-from snakegen.kinetostatics.tunnel import Body, off_line
 from snakegen.robot import Robot, from_urdf_text
 from snakegen.verify.arm_run import arm_metrics, movable, run_arm, with_defaults
 from snakegen.verify.plan import quintic
@@ -98,7 +98,7 @@ def fly(
         facts={
             "centreline_m": hole.points.tolist(),
             "room_m": hole.room,
-            "planned_body_off_max_m": float(entry.off.max()),
+            "planned_body_off_max_m": float(entry.between),
         },
         progress=progress,
     )
@@ -109,7 +109,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
     robot = from_urdf_text(recording.meta["urdf"], None, checked=True)
     facts, names = recording.meta["facts"], recording.channel("joint_angle").labels
     hole = Hole(np.array(facts["centreline_m"]), facts["room_m"])
-    body = Body(chain_of(robot, robot.configuration(), find_tip(robot)), 10)
+    body = Body(chain_of(robot, robot.configuration(), find_tip(robot)), 1)
     index = [robot.joint_names.index(n) for n in names]
     target = recording.channel("position_target").values
     off = []
