@@ -5,11 +5,12 @@ import glob
 import os
 import secrets
 import shutil
+import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Event, get_ident
+from threading import Event, Timer, get_ident
 from types import FrameType
 
 from snakegen.errors import SnakegenError
@@ -20,9 +21,25 @@ INTERRUPTED = Event()
 
 
 def on_interrupt(signum: int, frame: FrameType | None) -> None:
-    """Raises KeyboardInterrupt and keeps in mind that it did: imports of others may swallow it."""
+    """Raises KeyboardInterrupt and keeps in mind that it did: libraries may swallow it.
+
+    While a module is imported the signal is sent again instead: an exception there would end in a
+    library's own error, or be printed and ignored.
+    """
     INTERRUPTED.set()
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            send_again(signum)
+            return
+        frame = frame.f_back
     raise KeyboardInterrupt
+
+
+def send_again(signum: int = signal.SIGINT) -> None:
+    """Sends a signal to this process again, 20 ms from now."""
+    later = Timer(0.02, os.kill, (os.getpid(), signum))
+    later.daemon = True
+    later.start()
 
 
 def _reason(error: OSError) -> str:

@@ -17,7 +17,7 @@ import click
 
 from snakegen import __version__
 from snakegen.errors import SnakegenError
-from snakegen.files import INTERRUPTED, on_interrupt
+from snakegen.files import INTERRUPTED, on_interrupt, send_again
 
 _STDOUT = "stdout"
 _INTERRUPTED = "interrupted; files are as they were."
@@ -94,6 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _prepare_streams()
     # a kill asks to stop as Ctrl-C does: work folders are cleared on the way out
     INTERRUPTED.clear()
+    sys.unraisablehook, sys.excepthook = _unraisable, _uncaught
     for asked in (signal.SIGINT, signal.SIGTERM):
         signal.signal(asked, on_interrupt)
     try:
@@ -127,6 +128,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     finally:
         if arguments is None:  # libraries are cleaning up; the result is out
             signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _unraisable(what: "sys.UnraisableHookArgs") -> None:
+    """Sends a Ctrl-C again that came in a destructor or callback, which would ignore it."""
+    if isinstance(what.exc_value, KeyboardInterrupt):
+        send_again()
+    else:
+        sys.__unraisablehook__(what)
+
+
+def _uncaught(kind: type[BaseException], error: BaseException, trace: Any) -> None:
+    """Prints no traceback of a Ctrl-C: compiled code prints one before it ignores it."""
+    if not issubclass(kind, KeyboardInterrupt):
+        sys.__excepthook__(kind, error, trace)
 
 
 class _Stdout(io.TextIOWrapper):

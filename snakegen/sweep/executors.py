@@ -14,6 +14,7 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
+from contextlib import contextmanager
 
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
@@ -46,13 +47,28 @@ def run_in_processes(task: Task, parts: Parts, keep: Keep, number: int) -> None:
             try:
                 # the first compile is paid once, by one worker, and cached for the others
                 _, first = next(parts())
-                pool.submit(work, task, first[:2]).result()
+                with interrupts_blocked():
+                    began = pool.submit(work, task, first[:2])
+                began.result()
                 _drain(pool, task, parts(), keep, 2 * number)
                 return
             except BrokenExecutor:
                 if attempt == RETRIES:
                     break
     raise WorkersLostError(f"workers died {RETRIES + 1} times: fewer at a time need less memory.")
+
+
+@contextmanager
+def interrupts_blocked() -> Iterator[None]:
+    """Blocks SIGINT in this thread: workers started meanwhile inherit it and import in silence."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def run_on_cluster(address: str, task: Task, parts: Parts, keep: Keep) -> None:
