@@ -5,6 +5,7 @@ BIN      := $(VENV)/bin
 OUT      := out/demo
 PRESETS  := $(notdir $(basename $(wildcard templates/presets/*.yaml)))
 EXAMPLES ?= 300
+KILLS    ?= 50
 
 # The first interpreter that runs and is new enough; PYTHON=/path/to/python3.12 overrides.
 NEW_ENOUGH := import sys; sys.exit(sys.version_info < (3, 11))
@@ -12,7 +13,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c "$(NEW_ENOUGH)" 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test processors check format generated bench speed fuzz wheel clean
+.PHONY: help demo test processors check format generated bench stress speed fuzz wheel clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*##' $(firstword $(MAKEFILE_LIST)) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -94,8 +95,11 @@ $(PRESETS:%=generated/%): generated/%: $(VENV)/runtime.stamp
 	mv $@/report.json.part $@/report.json
 
 bench: $(VENV)/bench.stamp ## run the benchmarks, each against its rival
-	@for file in $(filter-out benchmarks/readme.py,$(wildcard benchmarks/*.py)); do \
+	@for file in $(filter-out benchmarks/readme.py benchmarks/stress.py,$(wildcard benchmarks/*.py)); do \
 		echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+stress: $(VENV)/dev.stamp ## kills, full disks, damage and Ctrl-C: KILLS cases each (50)
+	$(BIN)/python benchmarks/stress.py --kills $(KILLS)
 
 speed: $(VENV)/bench.stamp ## measure the table of speeds and put it into README.md
 	$(BIN)/python benchmarks/readme.py

@@ -114,7 +114,8 @@ def folder_whole(target: Path) -> Iterator[Path]:
         inside = real.is_dir() and must_stay(real)
         parent = real if inside else real.parent
         parent.mkdir(parents=True, exist_ok=True)
-    with exclusive(target, parent / f".{real.name}.lock"), work_folder(parent, real) as beside:
+    lock = parent / f".{real.name}.lock"
+    with exclusive(target, lock), work_folder(parent, real, shown=target) as beside:
         yield beside
         if INTERRUPTED.is_set():
             raise KeyboardInterrupt
@@ -122,10 +123,11 @@ def folder_whole(target: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def work_folder(parent: Path, target: Path) -> Iterator[Path]:
+def work_folder(parent: Path, target: Path, shown: Path) -> Iterator[Path]:
     """Yields an empty hidden folder in `parent`, removed at the end; the caller holds the lock.
 
-    Work folders of `target` that killed processes left there are removed first.
+    Work folders of `target` that killed processes left there are removed first; errors name
+    `shown` in place of the hidden folder.
 
     Raises:
         SnakegenError: it cannot be made, or an error of the system within the block.
@@ -137,6 +139,9 @@ def work_folder(parent: Path, target: Path) -> Iterator[Path]:
         beside.mkdir()  # with the permissions of the umask
         try:
             yield beside
+        except SnakegenError as error:
+            error.args = (str(error).replace(str(beside), str(shown)),)
+            raise
         finally:
             shutil.rmtree(beside, ignore_errors=True)
 

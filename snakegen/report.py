@@ -139,11 +139,9 @@ def write_markdown(page: Page, path: Path) -> None:
     made = not path.parent.exists()
     folder = path.resolve().parent
     try:
-        with exclusive(path), work_folder(folder, path) as beside:
-            try:
-                pictures = plots(page, beside, path.stem)
-            except SnakegenError as error:
-                raise SnakegenError(str(error).replace(str(beside), str(path.parent))) from None
+        shown = path.parent
+        with exclusive(path), work_folder(folder, path, shown=shown) as beside:
+            pictures = plots(page, beside, path.stem)
             text = "\n".join(_markdown(page, path, pictures)) + "\n"
             (beside / path.name).write_text(text, encoding="utf-8")
             move_files(beside, folder)

@@ -116,7 +116,8 @@ def flight(
     check_writable(path)
     if trials is not None:
         many: dict[str, Any] = {"progress": bar, "meshes": meshes}
-        code = fly_trials(machine, mission, path, trials, workers, as_json, **many, **how)
+        with exclusive(path):
+            code = fly_trials(machine, mission, path, trials, workers, as_json, **many, **how)
         if show:
             view(path)
         return code

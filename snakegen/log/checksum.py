@@ -23,7 +23,7 @@ def placeholder() -> str:
     return _MARK + secrets.token_hex(_DIGITS // 2)
 
 
-def seal(content: bytes, text: str) -> bytes | None:
+def seal(content: bytes, text: str) -> bytearray | None:
     """Returns `content` with its checksum in the place of `text`; None where it was compressed."""
     if content.count(text.encode()) != 1:
         return None
@@ -31,7 +31,7 @@ def seal(content: bytes, text: str) -> bytes | None:
     sealed = bytearray(content)
     sealed[at : at + _DIGITS] = b"0" * _DIGITS
     sealed[at : at + _DIGITS] = hashlib.sha256(sealed).hexdigest().encode()
-    return bytes(sealed)
+    return sealed
 
 
 def is_sealed(path: Path) -> bool:

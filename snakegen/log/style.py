@@ -14,6 +14,7 @@ Ints = NDArray[np.int64]
 
 TIMELINE = "time"
 FRAME_RATE = 20.0  # Hz, of what moves in 3D
+MOST_FRAMES = 12_000  # ten minutes at that rate; longer runs are drawn at a lower one
 PLOT_BYTES = 1.5e6  # what all plotted samples together may take
 SCREEN = 1000  # points across; fewer are all drawn
 
@@ -57,7 +58,7 @@ def saturation_colors(use: Floats) -> NDArray[np.uint8]:
 def frames(time: Floats) -> Ints:
     """Returns the indices of the instants at which the 3D scene is drawn; ends included."""
     step = float(np.median(np.diff(time))) if time.size > 1 else 1.0
-    stride = max(1, round(1.0 / (FRAME_RATE * step)))
+    stride = max(1, round(1.0 / (FRAME_RATE * step)), -(-time.size // MOST_FRAMES))
     index = np.arange(0, time.size, stride)
     return index if index[-1] == time.size - 1 else np.append(index, time.size - 1)
 

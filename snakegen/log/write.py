@@ -57,7 +57,7 @@ def write(recording: Recording, path: str | Path, *, mesh_folder: str | Path | N
     return path
 
 
-def _put(content: bytes, path: Path) -> None:
+def _put(content: bytearray, path: Path) -> None:
     path.write_bytes(content)
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from snakegen.errors import AnalysisError
 from snakegen.sweep.batch import MARGINS, Body
 from snakegen.sweep.samples import Samples
-from snakegen.sweep.store import Store
 from snakegen.sweep.worker import work
 
 _PART_BYTES = 1 << 25  # of a part at most: several are in memory at a time
@@ -75,26 +74,28 @@ def estimate(
     return Estimate(samples.count, parts, size, 2 * size, seconds)
 
 
-def check_disk(store: Store, done: int, joints: int) -> None:
+def check_disk(path: Path, postures: int, part: int, done: int, joints: int) -> None:
     """Refuses a sweep whose parts and table the disk cannot hold together.
 
     Args:
-        store: opened, with `done` of its parts finished.
-        done: parts.
+        path: of the table.
+        postures: rows in all.
+        part: rows a part.
+        done: parts that are there already.
         joints: columns of angles.
 
     Raises:
         AnalysisError: both sizes, and how many postures would fit.
     """
-    missing = max(0, store.postures - done * store.rows)
-    whole = disk_bytes(store.postures, store.count, joints)
-    needed = disk_bytes(missing, store.count - done, joints) + whole + _SPARE
-    free = free_bytes(store.folder)
+    parts = -(-postures // part)
+    whole = disk_bytes(postures, parts, joints)
+    missing = disk_bytes(max(0, postures - done * part), parts - done, joints)
+    needed, free = missing + whole + _SPARE, free_bytes(path.parent)
     if needed > free:
-        fits = int((free - _SPARE) / (2 * whole / store.postures))
+        fits = int((free - _SPARE) / (2 * whole / postures))
         remedy = f"{fits} postures would fit" if fits > 0 else "name a file on another disk"
         raise AnalysisError(
-            f"{store.path}: {store.postures} postures need {needed / 1e6:.4g} MB of disk; "
+            f"{path}: {postures} postures need {needed / 1e6:.4g} MB of disk; "
             f"{free / 1e6:.4g} MB are free: {remedy}."
         )
 

@@ -62,6 +62,8 @@ def sweep(
     drawn = samples if isinstance(samples, Samples) else Table(np.asarray(samples, float))
     part = part_rows(len(joints), PART)
     with exclusive(path):
+        if not resume:
+            check_disk(path, drawn.count, part, 0, len(joints))
         known = {
             "snakegen": __version__,
             "robot": robot.name,
@@ -75,7 +77,8 @@ def sweep(
         } | (identity or {})
         store = Store(path, known, postures=drawn.count, part=part, resume=resume)
         done = {i for i in range(store.count) if resume and store.has(i)}
-        check_disk(store, len(done), len(joints))
+        if resume:
+            check_disk(path, drawn.count, part, len(done), len(joints))
         if len(done) < store.count:
             _compute(body, drawn, store, done, workers, cluster, progress)
         store.join()

@@ -1,0 +1,298 @@
+"""Kills, full disks, damage and Ctrl-C against the real commands; prints a summary table.
+
+Run: ``python benchmarks/stress.py`` (``--kills 50 --seed 0 --only build sweep``), or ``make
+stress``. Every case starts snakegen as a person does and looks at what is left: exit codes, files,
+processes. A tmpfs that is really full needs root; without it the limit on file sizes
+(RLIMIT_FSIZE) stands for it, and the table says so. Exits 1 if anything was broken.
+"""
+
+import argparse
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+MARK = "SNAKEGEN_STRESS"  # in the environment of every process that a case starts
+SNAKEGEN = [sys.executable, "-m", "snakegen"]
+SWEEP = ["analyze", "sweep", "dragon4", "--samples", "60000", "--workers", "2", "-o", "s.parquet"]
+
+
+class Case:
+    """A folder of its own, and what was found wrong in it."""
+
+    def __init__(self, name: str, seed: int) -> None:
+        self.name, self.rng, self.wrong, self.count = name, np.random.default_rng(seed), [], 0
+        self.folder = Path(tempfile.mkdtemp(prefix=f"stress-{name}-"))
+        self.token = f"{os.getpid()}-{name}"
+
+    def start(self, *words: str, **options) -> subprocess.Popen:
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        environment = os.environ | {MARK: self.token}
+        return subprocess.Popen(
+            [*SNAKEGEN, *words], env=environment, cwd=self.folder, **(pipes | options)
+        )
+
+    def run(self, *words: str, **options) -> subprocess.CompletedProcess:
+        child = self.start(*words, **options)
+        out, err = child.communicate(timeout=900)
+        return subprocess.CompletedProcess(words, child.returncode, out, err)
+
+    def killed(self, *words: str, within: float, number: int = signal.SIGKILL) -> tuple[int, str]:
+        """Starts a command, signals it at a random time; returns exit code and stderr."""
+        child = self.start(*words)
+        try:
+            child.wait(self.rng.uniform(0.05, within))
+        except subprocess.TimeoutExpired:
+            child.send_signal(number)
+        _, err = child.communicate(timeout=600)
+        return child.returncode, err
+
+    def hold(self, condition: bool, text: str) -> None:
+        self.count += 1
+        if not condition:
+            self.wrong.append(text)
+
+    def none_running(self) -> None:
+        """Holds that no process of this case is left 20 s later."""
+        until = time.monotonic() + 20
+        while (left := self.running()) and time.monotonic() < until:
+            time.sleep(0.1)
+        self.hold(not left, f"still running: {left}")
+
+    def running(self) -> list[int]:
+        wanted, found = f"{MARK}={self.token}".encode(), []
+        for entry in Path("/proc").glob("[0-9]*"):
+            try:
+                if wanted in (entry / "environ").read_bytes().split(b"\0"):
+                    found.append(int(entry.name))
+            except OSError:
+                continue
+        return found
+
+    def took(self, *words: str) -> float:
+        """Runs a command undisturbed; returns its seconds."""
+        begun = time.monotonic()
+        done = self.run(*words)
+        self.hold(done.returncode in (0, 3), f"undisturbed: {done.stderr[-300:]}")
+        return time.monotonic() - begun
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Returns the files of a folder."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def builds(case: Case, kills: int) -> None:
+    """A killed build leaves the set of one robot or of the other, whole."""
+    sets = {}
+    for links in ("3", "4"):
+        words = ("build", "dragon4", "--links", links, "--no-picture", "-o", "out")
+        within = case.took(*words)
+        sets[links] = contents(case.folder / "out")
+    for i in range(kills):
+        case.killed(*words[:3], "34"[i % 2], *words[4:], within=1.1 * within)
+        case.hold(contents(case.folder / "out") in sets.values(), f"kill {i}: a mixed folder")
+    case.took(*words)
+    case.hold({p.name for p in case.folder.iterdir()} == {"out"}, "work folders are left")
+    case.none_running()
+
+
+def sweeps(case: Case, kills: int) -> None:
+    """Three kills and resumes, over and over, give the columns of the undisturbed sweep."""
+    import pyarrow.parquet as pq
+
+    within = case.took(*SWEEP)
+    whole = pq.read_table(case.folder / "s.parquet").replace_schema_metadata(None)
+    for i in range(kills):
+        (case.folder / "s.parquet").unlink(missing_ok=True) if i % 3 == 0 else None
+        case.killed(*SWEEP, *(["--resume"] if i % 3 else []), within=within)
+        case.none_running()
+        if i % 3 == 2 or i == kills - 1:
+            done = case.run(*SWEEP, "--resume")
+            case.hold(done.returncode == 0, f"kill {i}: {done.stderr[-200:]}")
+            found = pq.read_table(case.folder / "s.parquet").replace_schema_metadata(None)
+            case.hold(found.equals(whole), f"kill {i}: other rows")
+
+
+def flights(case: Case, kills: int) -> None:
+    """A killed flight is readable up to its last whole second, or had not flown one."""
+    words = ("analyze", "flight", "dragon4", "--duration", "60", "-o", "f.rrd")
+    within = case.took(*words)
+    readable = 0
+    for i in range(kills):
+        (case.folder / "f.rrd").unlink(missing_ok=True)
+        case.killed(*words, within=1.2 * within)
+        journal = case.folder / ".f.rrd.journal"
+        if journal.is_file() and journal.stat().st_size > 300_000:
+            done = case.run("inspect", "f.rrd", "--json")
+            case.hold(done.returncode in (0, 3), f"kill {i}: {done.stderr[-200:]}")
+            readable += 1
+        journal.unlink(missing_ok=True)
+    case.hold(readable > 0 or kills < 10, "no kill met a flight in the air")
+    case.took(*words)
+    left = {p.name for p in case.folder.iterdir()} - {"f.rrd"}
+    case.hold(not left, f"left: {left}")
+    case.none_running()
+
+
+def trials(case: Case, kills: int) -> None:
+    """Killed trials leave the earlier log, or the new one whole."""
+    words = ("analyze", "flight", "dragon4", "--duration", "2", "--trials", "4", "-o", "t.rrd")
+    within = case.took(*words)
+    for i in range(kills):
+        case.killed(*words, within=1.1 * within)
+        if i % 5 == 4 or i == kills - 1:
+            done = case.run("inspect", "t.rrd", "--json")
+            case.hold(done.returncode in (0, 3), f"kill {i}: {done.stderr[-200:]}")
+    case.none_running()
+
+
+def interrupts(case: Case, kills: int) -> None:
+    """Ctrl-C at any moment: 130 or the finished result, one line, no traceback."""
+    words = ("analyze", "flight", "dragon4", "--duration", "5", "-o", "f.rrd")
+    within = case.took(*words)
+    for i in range(kills):
+        code, err = case.killed(*words, within=1.05 * within, number=signal.SIGINT)
+        starting = "Traceback" in err and "snakegen/" not in err  # Python itself
+        case.hold(code in (0, 130) or starting, f"Ctrl-C {i}: exit {code}: {err[-200:]}")
+        case.hold("Traceback" not in err or starting, f"Ctrl-C {i}: {err[-300:]}")
+    case.none_running()
+
+
+def damage(case: Case, kills: int) -> None:
+    """Flipped bits and cuts in logs and parts: refused or computed again, never other numbers."""
+    from snakegen.errors import LogError
+    from snakegen.log import read
+
+    case.took("analyze", "flight", "dragon4", "--duration", "2", "-o", "f.rrd")
+    good = (case.folder / "f.rrd").read_bytes()
+    for i in range(4 * kills):
+        content = bytearray(good)
+        content[case.rng.integers(4, len(good))] ^= 1 << case.rng.integers(8)
+        if i % 4 == 0:
+            content = content[: case.rng.integers(len(good))]
+        (case.folder / "d.rrd").write_bytes(content)
+        try:
+            read(case.folder / "d.rrd")
+            case.hold(False, f"flip {i} went unnoticed")
+        except LogError:
+            case.hold(True, "")
+
+
+def caches(case: Case, kills: int) -> None:
+    """Damaged kernel caches, some entries a time: compiled again, the same page."""
+    cache = case.folder / "cache"
+    environment = os.environ | {"SNAKEGEN_CACHE_DIR": str(cache), MARK: case.token}
+    words = ("analyze", "mass", "dragon4", "--json")
+    page = case.run(*words, env=environment).stdout
+    for i in range(max(1, kills // 5)):
+        entries = sorted(cache.rglob("*.nbc"))
+        for path in case.rng.choice(entries, min(5, len(entries)), replace=False):
+            content = bytearray(path.read_bytes())
+            content[case.rng.integers(len(content))] ^= 1 << case.rng.integers(8)
+            path.write_bytes(case.rng.choice([b"", bytes(content), bytes(content[:99])]))
+        done = case.run(*words, env=environment)
+        case.hold(done.stdout == page and not done.stderr, f"damage {i}: {done.stderr[-200:]}")
+
+
+FULL = [
+    ("build", "dragon4", "-o", "{}/b"),
+    ("analyze", "dragon4", "--report", "{}/report.md"),
+    ("analyze", "flight", "dragon4", "--duration", "2", "-o", "{}/f.rrd"),
+    ("analyze", "flight", "dragon4", "--duration", "1", "--trials", "2", "-o", "{}/t.rrd"),
+    ("analyze", "sweep", "dragon4", "--samples", "20000", "--workers", "2", "-o", "{}/s.parquet"),
+    ("inspect", "f.rrd", "--png", "{}/f.png"),
+]
+
+
+def full_disks(case: Case, kills: int) -> None:
+    """Each command on a disk with 100 kB left: one line that names the path, nothing half-made."""
+    disk = case.folder / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(disk)]
+    mounted = os.getuid() == 0 and subprocess.run(mount, capture_output=True).returncode == 0
+    print("full disk: a tmpfs" if mounted else "full disk: RLIMIT_FSIZE, no mounts here")
+    case.took("analyze", "flight", "dragon4", "--duration", "2", "-o", "f.rrd")
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    try:
+        if mounted:
+            (disk / "fill").write_bytes(b"x" * (2 * 2**20 - 100_000))
+        for words in FULL:
+            line = [word.format("disk") for word in words]
+            done = case.run(*line, **({} if mounted else {"preexec_fn": limit}))
+            errors = [row for row in done.stderr.splitlines() if not row.startswith("note:")]
+            print(f"  {' '.join(line[:3])}: {errors[-1] if errors else done.returncode}")
+            case.hold(done.returncode == 1 and len(errors) == 1, f"{line}: {done.stderr[-300:]}")
+            case.hold(
+                "Error: disk/" in done.stderr or "write disk/" in done.stderr, f"{line}: path"
+            )
+            left = [p.name for p in disk.rglob("*") if p.is_file() and p.name != "fill"]
+            case.hold(not left, f"{line}: left {left}")
+    finally:
+        if mounted:
+            subprocess.run(["umount", str(disk)], check=True)
+
+
+def both_at_once(case: Case, kills: int) -> None:
+    """Two sweeps of other seeds into one file: one is refused, the file is the other's."""
+    import json
+
+    import pyarrow.parquet as pq
+
+    for i in range(max(1, kills // 10)):
+        pair = [case.start(*SWEEP, "--seed", seed) for seed in ("7", "8")]
+        errors = [child.communicate()[1] for child in pair]
+        codes = sorted(child.returncode for child in pair)
+        case.hold(codes == [0, 1], f"pair {i}: exit codes {codes}")
+        case.hold(any("is writing it since" in e for e in errors), f"pair {i}: {errors}")
+        metadata = pq.read_schema(case.folder / "s.parquet").metadata
+        seed = json.loads(metadata[b"snakegen"])["seed"]
+        case.hold(seed == (7, 8)[[c.returncode for c in pair].index(0)], f"pair {i}: seed {seed}")
+        case.hold(pq.read_metadata(case.folder / "s.parquet").num_rows == 60000, f"pair {i}: rows")
+
+
+CASES: dict[str, Callable[[Case, int], None]] = {
+    "build": builds, "sweep": sweeps, "flight": flights, "trials": trials, "ctrl-c": interrupts,
+    "damage": damage, "cache": caches, "full-disk": full_disks, "two-sweeps": both_at_once,
+}  # fmt: skip
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", nargs="+", choices=list(CASES), default=list(CASES))
+    options = parser.parse_args()
+    rows, broken = [], 0
+    for name in options.only:
+        case, begun = Case(name, options.seed), time.monotonic()
+        try:
+            CASES[name](case, options.kills)
+        finally:
+            shutil.rmtree(case.folder, ignore_errors=True)
+        broken += len(case.wrong)
+        rows.append((name, case.count, len(case.wrong), time.monotonic() - begun))
+        print(f"{name}: {case.count} held, {len(case.wrong)} broken", flush=True)
+        for text in case.wrong[:10]:
+            print(f"  {text}", flush=True)
+    print(f"\nseed {options.seed}, {options.kills} kills each, {os.cpu_count()} cores")
+    print(f"{'case':<12}{'checks':>8}{'broken':>8}{'seconds':>9}")
+    for name, count, wrong, seconds in rows:
+        print(f"{name:<12}{count:>8}{wrong:>8}{seconds:>9.0f}")
+    return 1 if broken else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
