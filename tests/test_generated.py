@@ -53,13 +53,18 @@ OWN = {  # of numbers that are known less well than to nine digits: relative, of
 }
 
 
-def differences(a: Any, b: Any, place: str) -> list[str]:
-    """Returns the places where plain data differs by more than nine digits, or their tolerance."""
-    own = next((t for pattern, t in OWN.items() if re.match(pattern, place)), 1e-9)
+def differences(a: Any, b: Any, place: str, known: float = 1e-9) -> list[str]:
+    """Returns the places where plain data differs by more than what is `known`, or its tolerance.
+
+    Where certified bounds stand beside a value, it is known to the gap between them: two searches
+    that both hold the true value differ by no more than the wider gap.
+    """
+    own = next((t for pattern, t in OWN.items() if re.match(pattern, place)), known)
     if isinstance(a, dict) and isinstance(b, dict):
         if a.keys() != b.keys():
             return [f"{place}: {sorted(a.keys() ^ b.keys())}"]
-        return [d for k in a for d in differences(a[k], b[k], f"{place}.{k}")]
+        own = max(own, _gap(a.get("bounds")), _gap(b.get("bounds")))
+        return [d for k in a for d in differences(a[k], b[k], f"{place}.{k}", own)]
     if isinstance(a, list) and isinstance(b, list):
         if _numbers(a) and _numbers(b) and len(a) == len(b):
             scale = max([abs(x) for x in (*a, *b)], default=0.0)
@@ -67,10 +72,17 @@ def differences(a: Any, b: Any, place: str) -> list[str]:
             return [f"{place}: {a} | {b}"] if far else []
         if len(a) != len(b):
             return [f"{place}: {len(a)} | {len(b)} entries"]
-        return [d for i in range(len(a)) for d in differences(a[i], b[i], f"{place}[{i}]")]
+        return [d for i in range(len(a)) for d in differences(a[i], b[i], f"{place}[{i}]", own)]
     if isinstance(a, float) and isinstance(b, int | float) and not isinstance(b, bool):
         return [] if math.isclose(a, b, rel_tol=own, abs_tol=1e-12) else [f"{place}: {a} | {b}"]
     return [] if a == b else [f"{place}: {a!r} | {b!r}"]
+
+
+def _gap(bounds: Any) -> float:
+    """Returns (upper - lower)/upper of certified bounds, 0 where there are none."""
+    if not isinstance(bounds, list) or len(bounds) != 2 or not _numbers(bounds):
+        return 0.0
+    return float((bounds[1] - bounds[0]) / max(abs(bounds[1]), 1e-12))
 
 
 def _numbers(values: list[Any]) -> bool:
@@ -84,6 +96,9 @@ def test_differences_are_seen() -> None:
     for key, value in (("a", 1.00000002), ("b", [1.0, 2.00000004]), ("c", "y"), ("e", False)):
         assert differences(good, good | {key: value}, "")
     assert differences(good, {k: v for k, v in good.items() if k != "d"}, "")
+    bounded = {"value": 1.0, "bounds": [1.0, 1.001]}
+    assert differences(bounded, {"value": 1.0009, "bounds": [1.0009, 1.001]}, "") == []
+    assert differences(bounded, {"value": 1.002, "bounds": [1.002, 1.0021]}, "")
 
 
 @pytest.mark.parametrize("name", NAMES)

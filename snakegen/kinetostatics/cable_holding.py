@@ -12,9 +12,11 @@ from snakegen.kinetostatics.cable_stiffness import (
     load_stiffness,
 )
 from snakegen.robot import Robot
+from snakegen.words import canonical_basis
 
 _CUTS = 400  # of the stability program
 _LEAST = 1e-6  # of the largest eigenvalue: below, a posture counts as free to move
+_ALIKE = 1e-9  # of the largest eigenvalue: closer ones are one eigenvalue
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,15 @@ class Stiffness:
         return np.asarray(elastic + self.loads + 0.5 * (bent + bent.T))
 
     def softest(self, tension: Floats) -> tuple[float, Floats]:
-        """Returns the least eigenvalue of K [N m/rad] and its unit direction (k,)."""
+        """Returns the least eigenvalue of K [N m/rad] and its unit direction (k,).
+
+        Of an eigenvalue that several directions share, the one nearest to a joint's axis.
+        """
         values, vectors = np.linalg.eigh(self.matrix(tension))
-        vector = vectors[:, 0]
-        return float(values[0]), vector * np.sign(vector[np.argmax(np.abs(vector))])
+        shared = values - values[0] <= _ALIKE * float(np.abs(values).max())
+        return float(values[0]), canonical_basis(vectors[:, shared], tuple(range(len(values))))[
+            :, 0
+        ]
 
     @property
     def threshold(self) -> float:
