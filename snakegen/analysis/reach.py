@@ -4,7 +4,9 @@ Inverse kinematics of redundant chains (ZS24 eqs 3-5 as THEORY C reads them): da
 closed loop, limits and a posture wish in the null space; the body may have to pass a port.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
+from snakegen.kinetostatics.collisions import Collisions, Nearest, Obstacle, obstacles_of
 from snakegen.kinetostatics.follow import (
     Chain,
     Options,
@@ -48,6 +51,8 @@ OPTIONS = {
     "give_up": [0.001, "m, tip error at which the path counts as lost"],
     "margin": [0.0, "rad, kept from the joints' limits"],
     "port": [None, "x,y,z,ax,ay,az,radius: an opening that the body must pass"],
+    "obstacles": [None, "YAML of boxes that the body must not touch: obstacles: [{centre, half}]"],
+    "tries": [8, "resting postures tried until one keeps clear of body, floor and obstacles"],
     "tip": [None, "link that carries the tip; the last one if absent"],
     "tip_point": [None, "x,y,z of the tip on that link, m"],
 }
@@ -69,6 +74,8 @@ class ReachResult:
         path: (m, 3) m, the path asked for.
         track: what became of the path, None if its first point was missed.
         why: one sentence: complete, or where and why the path was lost.
+        nearest: least distance of the body from itself, the floor and obstacles along the track.
+        tries: resting postures tried until one kept clear, or that there were.
     """
 
     joints: tuple[str, ...]
@@ -82,11 +89,14 @@ class ReachResult:
     path: Floats
     track: Track | None
     why: str
+    nearest: Nearest | None = None
+    tries: int = 1
 
     @property
     def complete(self) -> bool:
-        """Tells whether the whole path was followed."""
-        return self.track is not None and self.track.complete
+        """Tells whether the whole path was followed and nothing touched on the way."""
+        followed = self.track is not None and self.track.complete
+        return followed and (self.nearest is None or self.nearest.free)
 
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people."""
@@ -105,6 +115,10 @@ class ReachResult:
                 room = self.track.clearance
                 words = "of room at least" if room >= 0 else "beyond its rim at worst"
                 out.append(("port", f"{length_text(abs(room))} {words}"))
+        if self.nearest is not None:
+            word = "clearance" if self.nearest.free else "collision"
+            more = f"; {self.tries} resting postures tried" if self.tries > 1 else ""
+            out.append((word, self.nearest.text() + more))
         return out
 
     def to_json(self) -> dict[str, Any]:
@@ -122,6 +136,8 @@ class ReachResult:
             "complete": self.complete,
             "why": self.why,
         }
+        if self.nearest is not None:
+            out |= self.nearest.to_json() | {"postures_tried": self.tries}
         if track is not None:
             rms = float(np.sqrt(np.mean(track.error**2)))
             clear = track.clearance
@@ -162,6 +178,8 @@ def analyze(
     give_up: float = 1e-3,
     margin: float = 0.0,
     port: Port | str | None = None,
+    obstacles: str | Path | Sequence[Obstacle] = (),
+    tries: int = 8,
 ) -> ReachResult:
     """Returns what the tip can reach, and what becomes of a path that it is to follow.
 
@@ -178,6 +196,10 @@ def analyze(
         dt, gain, corrections, give_up: as in `Options`.
         margin: rad, kept from the joints' limits.
         port: from `port`, or its seven numbers as text.
+        obstacles: boxes that the body must not touch, or a scene file of them. The body keeps clear
+            of itself and of the floor below its base too.
+        tries: resting postures (`Options.posture`) tried, the given one first, until the track is
+            free of contact; the one with the most clearance is kept.
 
     Raises:
         AnalysisError: no chain joint, a path or option that is none.
@@ -201,9 +223,11 @@ def analyze(
         given = _default_circle(chain, full, start, radius, duration, loop)
     u, s, _ = np.linalg.svd(J)
     rank = int(np.sum(s > 1e-6 * max(s[0], 1e-300)))
-    full, missed, _ = reach_point(chain, full, given[0], loop)
-    track = follow(chain, full, given, loop) if missed <= loop.give_up else None
     names = tuple(robot.joint_names[j] for j in chain.joints)
+    boxes = obstacles_of(obstacles) if isinstance(obstacles, str | Path) else tuple(obstacles or ())
+    full, missed, track, nearest, tried = _clear_of_contact(
+        chain, full, given, loop, Collisions(robot, boxes), max(int(tries), 1)
+    )
     return ReachResult(
         names,
         start,
@@ -216,7 +240,40 @@ def analyze(
         given,
         track,
         describe_track(chain, full, given, missed, track, loop),
+        nearest,
+        tried,
     )
+
+
+def _clear_of_contact(
+    chain: Chain, full: Floats, path: Floats, loop: Options, world: Collisions, tries: int
+) -> tuple[Floats, float, Track | None, Nearest | None, int]:
+    """Follows a path from resting postures, the given one first, until one keeps clear.
+
+    Returns the tree's angles at the start, by how much that misses the first point [m], the track,
+    its least distance and how many were tried: of the longest track, the one with most clearance.
+    """
+    names = tuple(chain.robot.joint_names[j] for j in chain.joints)
+    rng = np.random.default_rng(0)
+    middle, half = 0.5 * (chain.lower + chain.upper), 0.5 * (chain.upper - chain.lower)
+    kept: tuple[Floats, float, Track | None, Nearest | None] | None = None
+    rank = (-1.0, 0.0)
+    for k in range(tries):
+        begin, options = full, loop
+        if k > 0:
+            wish = middle + 0.8 * np.minimum(half, np.pi) * rng.uniform(-1.0, 1.0, len(half))
+            options, begin = replace(loop, posture=wish), full.copy()
+            begin[chain.joints] = wish
+        start, missed, _ = reach_point(chain, begin, path[0], options)
+        track = follow(chain, start, path, options) if missed <= loop.give_up else None
+        near = None if track is None else world.nearest(track.angles, names)
+        made = (-1.0, 0.0) if track is None or near is None else (track.length, near.distance)
+        if kept is None or made > rank:
+            kept, rank = (start, missed, track, near), made
+        if track is None or near is None or (near.free and (k == 0 or track.complete)):
+            break
+    assert kept is not None
+    return (*kept, k + 1)
 
 
 def _default_circle(

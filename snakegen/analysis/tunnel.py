@@ -4,7 +4,9 @@ Follow the leader in three dimensions: the base is held, and a redundant arm fol
 fed in behind. `reach` leads the tip alone; here every point of the body has to keep to the line.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
+from snakegen.kinetostatics.collisions import Collisions, Nearest, Obstacle, obstacles_of
 from snakegen.kinetostatics.follow import Options, chain_of, reach_point
 from snakegen.kinetostatics.hole import Hole, checked_hole
 from snakegen.kinetostatics.law import finite
@@ -34,6 +37,7 @@ OPTIONS = {
     "step": [0.005, "m, between depths"],
     "give_up": [0.001, "m, tip error at which the line counts as lost"],
     "margin": [0.0, "rad, kept from the joints' limits"],
+    "obstacles": [None, "YAML of boxes that the body must not touch: obstacles: [{centre, half}]"],
     "tip": [None, "link that carries the tip; the last one if absent"],
     "tip_point": [None, "x,y,z of the tip on that link, m"],
 }
@@ -48,23 +52,25 @@ class TunnelResult:
         hole: centreline and room.
         entry: step by step.
         fed: whether the base may move.
+        nearest: least distance of the body from itself, the floor and obstacles on the way in.
     """
 
     joints: tuple[str, ...]
     hole: Hole
     entry: Entry
     fed: bool
+    nearest: Nearest
 
     @property
     def complete(self) -> bool:
-        """Tells whether the hole was entered to its end."""
-        return not self.entry.why
+        """Tells whether the hole was entered to its end and nothing touched on the way."""
+        return not self.entry.why and self.nearest.free
 
     @property
     def why(self) -> str:
         """One sentence: complete, or how far it got and what stopped it."""
         e = self.entry
-        if self.complete:
+        if not e.why:
             return f"the whole body follows to the end, {_mm(e.whole)} deep"
         return f"lost {_mm(e.depth[-1])} of {_mm(e.whole)} deep: {e.why}"
 
@@ -85,6 +91,7 @@ class TunnelResult:
                 f"{_mm(self.hole.room)} of room",
             ),
             ("tip error", f"{_mm(e.tip_error.max())} at most"),
+            ("clearance" if self.nearest.free else "collision", self.nearest.text()),
         ]
 
     def to_json(self) -> dict[str, Any]:
@@ -94,6 +101,7 @@ class TunnelResult:
             "joints": list(self.joints),
             "complete": self.complete,
             "why": self.why,
+            **self.nearest.to_json(),
             "depth_reached_m": float(e.depth[-1]),
             "depth_m": e.whole,
             "body_off_max_m": float(e.off.max()),
@@ -128,6 +136,7 @@ def analyze(
     margin: float = 0.0,
     tip: str | None = None,
     tip_point: ArrayLike | None = None,
+    obstacles: str | Path | Sequence[Obstacle] = (),
 ) -> TunnelResult:
     """Returns how deep the whole body follows its tip into a hole.
 
@@ -141,6 +150,8 @@ def analyze(
         step, give_up: m.
         margin: rad, kept from the joints' limits.
         tip, tip_point: link and point (m, link axes) that leads; the last link's end if absent.
+        obstacles: boxes that the body must not touch, or a scene file of them; it must not touch
+            itself and the floor below its base either.
 
     Raises:
         AnalysisError: no hole, numbers that are none, a mouth that the tip cannot stand in.
@@ -167,7 +178,11 @@ def analyze(
                 why = f": it lies beyond the stretched chain of {chain.scale:.4g} m"
             raise AnalysisError(f"the tip misses the hole's mouth by {_mm(missed)}{why}.")
     entry = enter(chain, full, hole, feed=feed, step=step, give_up=give_up)
-    return TunnelResult(tuple(robot.joint_names[j] for j in chain.joints), hole, entry, feed > 0)
+    names = tuple(robot.joint_names[j] for j in chain.joints)
+    boxes = obstacles_of(obstacles) if isinstance(obstacles, str | Path) else tuple(obstacles or ())
+    shift = entry.feed[:, None] * hole.inwards
+    nearest = Collisions(robot, boxes).nearest(entry.angles, names, shift=shift)
+    return TunnelResult(names, hole, entry, feed > 0, nearest)
 
 
 def _centreline(
