@@ -6,17 +6,19 @@ The public surface loads lazily, so that ``import snakegen`` costs nothing.
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
-__all__ = ["Robot", "RobotSpec", "SnakegenError", "build", "lint", "load"]
+__all__ = ["Robot", "RobotSpec", "SnakegenError", "build", "convert", "lint", "load"]
 
 if TYPE_CHECKING:
     from snakegen.description.lint import lint
     from snakegen.errors import SnakegenError
     from snakegen.generate import build
+    from snakegen.pipeline.convert import convert
     from snakegen.robot import Robot, load
     from snakegen.spec import RobotSpec
 
 _HOME = {
     "build": "snakegen.generate",
+    "convert": "snakegen.pipeline.convert",
     "lint": "snakegen.description.lint",
     "load": "snakegen.robot",
     "Robot": "snakegen.robot",

@@ -20,6 +20,7 @@ from snakegen.geometry import Floats, skew, wxyz_from_xyzw
 from snakegen.robot import GRAVITY, Robot
 
 BOUND = 1e-9
+_BALANCED = 1e-6  # of the weight: bias forces below are rounding of a balanced body's zero
 _PINOCCHIO_UP_TO = 200  # degrees of freedom: beyond, pin.Data's memory (nv³) is out of reach
 
 
@@ -81,6 +82,7 @@ def compare(
     states: int = 5,
     seed: int = 0,
     rollers: str | None = None,
+    motors: tuple[str, ...] = (),
 ) -> Equivalence:
     """Runs random states through both descriptions of `robot`.
 
@@ -90,8 +92,9 @@ def compare(
         states: how many random states.
         seed: of the states.
         rollers: how the drums of `model` touch the ground, in place of the modules' own.
+        motors: joints that `model` drives by torque, up to their effort.
     """
-    at = Actuation(robot, model)
+    at = Actuation(robot, model, motors)
     oracle = _Pinocchio(robot) if robot.model.nv <= _PINOCCHIO_UP_TO else _Own(robot)
     if surplus := missing(at):
         found = _above(worst_differences([surplus]))
@@ -101,12 +104,14 @@ def compare(
     data = mujoco.MjData(model)
     bodily = len(at.joints) == len(robot.joint_names)
     worst, together = np.zeros(5), [*constants(at), *contacts(at, rollers)]
+    floors = (0.0, 0.0, 0.0, 0.0, _BALANCED * robot.force_scale)
     for _ in range(states):
         q, v = mapping.random(rng)
         mapping.set_state(data, q, v)
         ours = oracle.evaluate(q, v)
         if bodily:
-            errors = [_error(a, b) for a, b in zip(ours, mapping.evaluate(data, q, v), strict=True)]
+            theirs = mapping.evaluate(data, q, v)
+            errors = [_error(*three) for three in zip(ours, theirs, floors, strict=True)]
             worst = np.maximum(worst, errors)
         together += responses(at, data, oracle.bodies(ours[1]), v)
     differences = worst_differences(together)
@@ -124,8 +129,8 @@ def _above(differences: tuple[Difference, ...]) -> tuple[Difference, ...]:
 Quantities = tuple[Floats, Floats, Floats, Floats, Floats]
 
 
-def _error(a: Floats, b: Floats) -> float:
-    scale = max(float(np.abs(a).max(initial=0.0)), float(np.abs(b).max(initial=0.0)))
+def _error(a: Floats, b: Floats, floor: float) -> float:
+    scale = max(float(np.abs(a).max(initial=floor)), float(np.abs(b).max(initial=floor)))
     gap = float(np.abs(a - b).max(initial=0.0))
     if not np.isfinite(gap):
         return float("inf")

@@ -30,6 +30,7 @@ class Actuation:
 
     robot: Robot
     model: mujoco.MjModel
+    motors: tuple[str, ...] = ()  # joints driven by torque, up to their effort
 
     @cached_property
     def rotors(self) -> tuple[Rotor, ...]:
@@ -81,7 +82,12 @@ def missing(at: Actuation) -> Pairs | None:
     links = [r.link for r in at.rotors]
     screws = [s.joint for s in at.robot.modules.screws]
     expected = {
-        (kind.mjOBJ_ACTUATOR, "actuator"): [*links, *(s.joint for s in at.servos), *screws],
+        (kind.mjOBJ_ACTUATOR, "actuator"): [
+            *links,
+            *(s.joint for s in at.servos),
+            *screws,
+            *at.motors,
+        ],
         (kind.mjOBJ_JOINT, "joint"): list(at.joints),
         (kind.mjOBJ_SITE, "site"): [*links, "imu"],
     }
@@ -106,6 +112,7 @@ def constants(at: Actuation) -> Iterator[Pairs]:
     yield from _rotor_constants(at)
     yield from _servo_constants(at)
     yield from _drum_constants(at)
+    yield from _motor_constants(at)
     yield from _joint_constants(at)
 
 
@@ -168,6 +175,21 @@ def _drum_constants(at: Actuation) -> Iterator[Pairs]:
     tangent = [[1.0, -1.0 / np.tan(s.alpha) if at.on_ball(s) else 0.0] for s in screws]
     columns = ("about the axle", "across")
     yield pairs("drum gear", drums, columns, tangent, model.actuator_gear[rows, :2])
+
+
+def _motor_constants(at: Actuation) -> Iterator[Pairs]:
+    model, names = at.model, list(at.motors)
+    rows = at.ids(names)
+    effort = at.robot.limits(names)[2] if names else np.zeros(0)
+    commands = _limits(model.actuator_ctrllimited, model.actuator_ctrlrange, rows)
+    bounds = ("lower [N m]", "upper [N m]")
+    yield pairs("motor range", names, bounds, np.column_stack([-effort, effort]), commands)
+    turned = [
+        model.joint(int(model.actuator_trnid[row, 0])).name == n
+        for row, n in zip(rows, names, strict=True)
+    ]
+    yield pairs("motor joint", names, ("count",), np.ones(len(names)), turned)
+    yield pairs("motor gear", names, ("gear",), np.ones(len(names)), model.actuator_gear[rows, 0])
 
 
 def torque_limits(at: Actuation) -> Floats:

@@ -159,14 +159,19 @@ def _write_mjcf(
     except (ValueError, mujoco.FatalError) as error:
         raise DescriptionError(f"{path.name}: MuJoCo cannot load it ({error}).") from None
     result = compare(robot, model, rollers=_bodily(robot.modules))
-    _refuse_differences(name, result)
+    refuse_differences(name, result)
     if _bodily(robot.modules) is not None:  # bodies are compared on the wheels; balls are kept
         write(decorate(text, robot.modules, assets), path)
-        _refuse_differences(name, compare(robot, load_model(path)))
+        refuse_differences(name, compare(robot, load_model(path)))
     return result, touching
 
 
-def _refuse_differences(name: str, result: Any) -> None:
+def refuse_differences(name: str, result: Any) -> None:
+    """Raises where the equivalence check found URDF and MJCF to differ.
+
+    Raises:
+        GateError: names what differs and by how much.
+    """
     from snakegen.equivalence import BOUND
 
     if not result.passed:

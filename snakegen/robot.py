@@ -52,6 +52,11 @@ class Robot:
         """Tells whether the base is free."""
         return self.modules.floating
 
+    @property
+    def folder(self) -> Path | None:
+        """The folder of the URDF, where its mesh paths start; None for one made in memory."""
+        return None if self.path is None else self.path.parent
+
     @cached_property
     def root_link(self) -> str:
         """The name of the URDF's root link."""

@@ -26,6 +26,7 @@ _COMMANDS = {
     "build": ("snakegen.cli.build", "Make URDF, MJCF and picture of a robot, proven to agree."),
     "analyze": ("snakegen.cli.analyze", "Tell what a robot can do; fly, drive or move it."),
     "lint": ("snakegen.cli.lint", "List what is wrong or doubtful in a URDF or MJCF file."),
+    "convert": ("snakegen.cli.convert", "Convert a URDF into MJCF, proven to be the same robot."),
     "inspect": ("snakegen.cli.inspect", "Read metrics and verdict back from a log."),
     "schema": ("snakegen.cli.presets", "Print the JSON Schema of a spec file."),
 }

@@ -21,12 +21,22 @@ ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 @dataclass(frozen=True)
 class Composite:
-    """A moving body: the links welded to `carrier`, their mass and principal moments [kg m²]."""
+    """A moving body: the links welded to `carrier`.
+
+    Attributes:
+        carrier: the link that moves.
+        links: it and all that is welded to it.
+        mass: kg, of all.
+        centre: (3,) m, centre of mass in the carrier's frame.
+        tensor: (3, 3) kg m², inertia about that centre, in the carrier's axes.
+        moments: its principal moments, ascending.
+    """
 
     carrier: str
     links: frozenset[str]
-    root: bool
     mass: float
+    centre: Floats
+    tensor: Floats
     moments: tuple[float, float, float]
 
 
@@ -45,12 +55,10 @@ def composites(robot: Node) -> Iterator[Composite]:
     roots = [name for name in links if name not in held]
     for name in [*roots, *moved]:
         if name in links:
-            yield _composite(name, name in roots, links, welded)
+            yield _composite(name, links, welded)
 
 
-def _composite(
-    name: str, root: bool, links: dict[str, Node], welded: dict[str, list[Node]]
-) -> Composite:
+def _composite(name: str, links: dict[str, Node], welded: dict[str, list[Node]]) -> Composite:
     parts: list[tuple[float, Floats, Floats]] = []
     seen: set[str] = set()
     waiting: list[tuple[str, Floats, Floats]] = [(name, np.eye(3), np.zeros(3))]
@@ -68,14 +76,24 @@ def _composite(
             there = end_of(joint, "child") or ""
             waiting.append((there, rotation @ turn, position + rotation @ shift))
     total = sum(mass for mass, _, _ in parts)
-    tensor = np.zeros((3, 3))
+    tensor, centre = np.zeros((3, 3)), np.zeros(3)
     if total > 0.0:
         centre = np.asarray(sum(mass * com for mass, com, _ in parts)) / total
         for mass, com, own in parts:
             arm = com - centre
             tensor += own + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
     low, mid, high = np.linalg.eigvalsh(tensor)
-    return Composite(name, frozenset(seen), root, total, (float(low), float(mid), float(high)))
+    moments = (float(low), float(mid), float(high))
+    return Composite(name, frozenset(seen), total, centre, tensor, moments)
+
+
+def inertial_of(link: Node) -> tuple[float, tuple[float, float, float]] | None:
+    """Returns mass and principal moments of a link's <inertial>; None where there is none."""
+    body = _body(link)
+    if body is None:
+        return None
+    low, mid, high = np.linalg.eigvalsh(body[2])
+    return body[0], (float(low), float(mid), float(high))
 
 
 def _body(link: Node) -> tuple[float, Floats, Floats] | None:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -10,6 +11,7 @@ import numpy as np
 from snakegen.description.base_mount import Support
 from snakegen.description.mjcf_rest import GRAVITY, add_from_rest, lowest_point
 from snakegen.description.screw_contact import decorate_drive
+from snakegen.description.urdf_import import importable
 from snakegen.errors import DescriptionError
 from snakegen.geometry import (
     Floats,
@@ -28,7 +30,6 @@ _IMPORT = (
     'balanceinertia="false"/></mujoco>'
 )
 _COLLISION_COLOUR = [0.9, 0.3, 0.3, 0.4]
-_VISUAL = re.compile(r"<visual\b.*?</visual>", re.DOTALL)
 
 
 def decorate(
@@ -38,6 +39,7 @@ def decorate(
     *,
     visuals: bool = True,
     rollers: str | None = None,
+    folder: Path | None = None,
 ) -> mujoco.MjSpec:
     """Returns the MJCF of a URDF, with everything that a simulation needs.
 
@@ -51,16 +53,19 @@ def decorate(
         assets: mesh files by the path that the URDF gives.
         visuals: keep what is only seen; a simulation needs none of it, nor its meshes.
         rollers: how drums touch the ground, in place of the modules' own.
+        folder: where mesh paths that `assets` does not have start.
 
     Raises:
         DescriptionError: MuJoCo cannot read or compile the model.
     """
+    ready = importable(urdf, folder, assets, visuals=visuals)
     head = _IMPORT.format("false" if visuals else "true")
-    text = urdf if visuals else _VISUAL.sub("", urdf)
-    text = re.sub(r"(<robot\b[^>]*>)", lambda m: m.group(1) + head, text, count=1)
+    text = re.sub(r"(<robot\b[^>]*>)", lambda m: m.group(1) + head, ready.text, count=1)
     try:
-        spec = mujoco.MjSpec.from_string(text, assets=dict(assets))
+        spec = mujoco.MjSpec.from_string(text, assets=ready.assets)
         _options(spec)
+        if folder is not None:  # links without <inertial> weigh nothing, whatever their shapes
+            spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
         root = spec.worldbody.first_body()
         if modules.floating:
             root.add_freejoint(name="root")

@@ -106,7 +106,14 @@ def contact_model(
     robot: Robot, obstacles: Sequence[Box] = (), rollers: str | None = None
 ) -> mujoco.MjModel:
     """Returns the robot on the ground among `obstacles`, with wheels that roll."""
-    spec = decorate(robot.urdf, robot.modules, {}, visuals=False, rollers=rollers)
+    spec = decorate(
+        robot.urdf,
+        robot.modules,
+        {},
+        visuals=False,
+        rollers=rollers,
+        folder=robot.folder,
+    )
     plane, box = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX
     spec.worldbody.add_geom(name="floor", type=plane, size=[0.0, 0.0, 0.05])
     for one in obstacles:

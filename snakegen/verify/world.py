@@ -98,7 +98,7 @@ def make_world(
     """
     lengths = robot.modules.lengths
     urdf = split_links(robot.urdf, lengths) if link_stiffness > 0 else robot.urdf
-    spec = decorate(urdf, robot.modules, {}, visuals=False)
+    spec = decorate(urdf, robot.modules, {}, visuals=False, folder=robot.folder)
     if link_stiffness > 0:
         add_springs(spec, lengths, link_stiffness, link_damping)
     spec.option.timestep = timestep

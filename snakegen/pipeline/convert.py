@@ -1,0 +1,132 @@
+"""From a URDF of any origin to a folder with URDF, meshes, MJCF and scene that provably agree."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from snakegen.errors import DescriptionError
+from snakegen.files import folder_whole
+from snakegen.robot import Robot, load
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """What a conversion wrote.
+
+    Attributes:
+        urdf: the URDF with mesh paths relative to it.
+        mjcf: the MJCF derived from it.
+        scene: the MJCF on a floor.
+        equivalence: figures of the check of MuJoCo against Pinocchio.
+        warnings: shapes left out, findings of the linter, bodies that start in contact.
+    """
+
+    urdf: Path
+    mjcf: Path
+    scene: Path
+    equivalence: Any
+    warnings: tuple[str, ...]
+
+
+def convert(
+    urdf: str | Path, out_dir: str | Path | None = None, *, modules: str | Path | None = None
+) -> Conversion:
+    """Converts a URDF into MJCF, with the equivalence check of a build.
+
+    Names, inertias, frames, limits, damping and friction are kept; mimic joints become equality
+    constraints; joints with an effort limit get a motor, those of a modules file their servos.
+
+    Args:
+        urdf: a URDF file.
+        out_dir: the folder to fill; ``<name>_mjcf`` beside the current folder by default.
+        modules: a modules file: rotors, gimbals, a floating base.
+
+    Raises:
+        GateError: MuJoCo and Pinocchio disagree by more than 1e-9.
+        DescriptionError: no URDF, or one with errors; a mesh too large to read.
+    """
+    from snakegen.description.lint import lint
+
+    path = Path(urdf)
+    robot = load(path, modules=modules)
+    if robot.path is None:
+        raise DescriptionError(f"{urdf}: convert reads a URDF file; build makes one of a spec.")
+    found = [str(f) for f in lint(robot.urdf, folder=robot.folder) if f.severity == "warning"]
+    target = Path(out_dir) if out_dir is not None else Path(f"{robot.name}_mjcf")
+    with folder_whole(target) as folder:
+        result, noted = _write(robot, folder)
+    name = robot.name
+    return Conversion(
+        target / f"{name}.urdf",
+        target / f"{name}.xml",
+        target / "scene.xml",
+        result,
+        (*found, *noted),
+    )
+
+
+def _write(robot: Robot, folder: Path) -> tuple[Any, tuple[str, ...]]:
+    """Writes the files; returns the figures of the check, and what a user should know."""
+    import mujoco
+
+    from snakegen.description.base_mount import floor_height, supports
+    from snakegen.description.mjcf import decorate, scene
+    from snakegen.description.mjcf_files import load_model, write
+    from snakegen.description.urdf_import import importable
+    from snakegen.equivalence import compare
+    from snakegen.generate import refuse_differences
+    from snakegen.robot_arrays import base_link
+    from snakegen.start_contacts import contact_warnings
+
+    name, modules = robot.name, robot.modules
+    ready = importable(robot.urdf, robot.folder)
+    for file, content in ready.assets.items():
+        (folder / file).parent.mkdir(exist_ok=True)
+        (folder / file).write_bytes(content)
+    (folder / f"{name}.urdf").write_text(ready.text, encoding="utf-8")
+    spec = decorate(ready.text, modules, ready.assets, folder=folder)
+    motors = motor_joints(robot)
+    add_motors(spec, robot, motors)
+    path, scenery = folder / f"{name}.xml", folder / "scene.xml"
+    write(spec, path)
+    try:
+        model = load_model(path)
+        held = supports(model, modules, base_link(robot))
+        floor = floor_height(model, modules)
+        scenery.write_text(scene(path.name, name, floor, held), encoding="utf-8")
+        touching = contact_warnings(load_model(scenery))
+    except (ValueError, mujoco.FatalError) as error:
+        raise DescriptionError(f"{path.name}: MuJoCo cannot load it ({error}).") from None
+    result = compare(robot, model, motors=motors)
+    refuse_differences(name, result)
+    return result, (*(f"left out: {text}" for text in ready.dropped), *touching)
+
+
+def motor_joints(robot: Robot) -> tuple[str, ...]:
+    """Returns the joints that get a motor: undriven, with an effort limit, no followers."""
+    followers = {
+        str(joint.get("name"))
+        for joint in ET.fromstring(robot.urdf).iterfind("joint")
+        if joint.find("mimic") is not None
+    }
+    shafts = {robot.joint_names[b - 1] for b in robot.spinners}
+    driven = {s.joint for s in robot.modules.servos} | {s.joint for s in robot.modules.screws}
+    names = [n for n in robot.joint_names if n not in followers | shafts | driven]
+    effort = robot.limits(names)[2]
+    return tuple(n for n, most in zip(names, effort, strict=True) if 0.0 < most < 1e30)
+
+
+def add_motors(spec: Any, robot: Robot, names: tuple[str, ...]) -> None:
+    """Adds a motor to each of the joints `names`, its command limited by the joint's effort."""
+    import mujoco
+
+    effort = robot.limits(names)[2]
+    for name, most in zip(names, effort, strict=True):
+        spec.add_actuator(
+            name=name,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            target=name,
+            ctrllimited=mujoco.mjtLimited.mjLIMITED_TRUE,
+            ctrlrange=[-float(most), float(most)],
+        )
