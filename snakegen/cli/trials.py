@@ -13,6 +13,7 @@ _SHOWN = (
     "attitude_rmse_rad_norm",
     "thrust_headroom",
     "saturation_share",
+    "joint_error_max_rad",
     "joint_torque_use",
     "gimbal_torque_use",
     "roll_moment_use",
@@ -31,14 +32,23 @@ def fly_trials(
 ) -> int:  # fmt: skip
     """Flies trials, logs the worst to `path`, prints the outcome; returns the exit code."""
     from snakegen.log import write
+    from snakegen.verify.arm_run import movable
+    from snakegen.verify.arm_trials import arm_trials
     from snakegen.verify.monte_carlo import fly_again, monte_carlo
     from snakegen.verify.run import prepare
 
-    ready = prepare(machine, mission, **how)
-    with progress as step:
-        found = monte_carlo(ready, count, seed=seed, workers=workers, progress=step)
+    if movable(machine):
+        with progress as step:
+            found, worst = arm_trials(
+                machine, mission, count, seed=seed, options=how["options"], progress=step
+            )
+    else:
+        ready = prepare(machine, mission, **how)
+        with progress as step:
+            found = monte_carlo(ready, count, seed=seed, workers=workers, progress=step)
+        worst = fly_again(ready, found.worst, seed=seed)
     path.parent.mkdir(parents=True, exist_ok=True)
-    write(fly_again(ready, found.worst, seed=seed), path, mesh_folder=meshes)
+    write(worst, path, mesh_folder=meshes)
     out = {"robot": machine.name, "mission": mission, "seed": seed} | found.to_json()
     # what was interrupted has not shown what was asked for
     passed = found.survival == 1.0 and len(found.trials) == count
@@ -53,8 +63,9 @@ def fly_trials(
 def outcome_lines(out: dict[str, Any], path: Path) -> list[str]:
     """Returns what a person reads of `MonteCarlo.to_json`."""
     low, high = out["survival_interval_95"]
+    runs = "runs" if "friction" in out["uncertainty"] else "flights"
     lines = [
-        f"{out['survived']} of {out['trials']} flights survived: {100 * out['survival']:.1f} % "
+        f"{out['survived']} of {out['trials']} {runs} survived: {100 * out['survival']:.1f} % "
         f"(95 % interval {100 * low:.1f} … {100 * high:.1f} %); "
         f"{out['passed_all_checks']} passed every check",
         "drawn over " + ", ".join(_range(*item) for item in out["uncertainty"].items()),
@@ -79,4 +90,10 @@ def outcome_lines(out: dict[str, Any], path: Path) -> list[str]:
 
 def _range(name: str, half: float) -> str:
     """Returns one of the ranges of `plant.uncertainty` in words."""
-    return f"{name} 0 … {1e3 * half:g} ms" if name == "delay" else f"{name} ±{100 * half:g} %"
+    if name == "delay":
+        return f"{name} 0 … {1e3 * half:g} ms"
+    if name == "friction":
+        return f"{name} 0 … {100 * half:g} % of a servo's torque"
+    if name == "offset_rad":
+        return f"joint offset {1e3 * half:.3g} mrad (standard deviation)"
+    return f"{name} ±{100 * half:g} %"

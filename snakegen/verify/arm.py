@@ -73,6 +73,8 @@ def move(
     *,
     friction: Friction,
     lead: str = "speed",
+    simulated: mujoco.MjModel | None = None,
+    offset: Floats | float = 0.0,
     progress: Callable[[int, int], Any] | None = None,
 ) -> Moved:
     """Runs the servos along a motion, one command an instant of `along`, one step between two.
@@ -90,6 +92,9 @@ def move(
             is solved for before the servos' damping, and pushes where that alone, k_v Δt / I
             above 1, would turn a joint round within the step: measured at 40 mrad/s.)
         lead: one of `LEADS`.
+        simulated: a model off the nominal values, that commands know nothing of; the world's own
+            if absent.
+        offset: (k,) rad, by which joint sensors are off.
         progress: called with instants run and instants in all.
 
     Raises:
@@ -109,6 +114,10 @@ def move(
         command += damping / stiffness * np.vstack([along.rates[1:], last])
     if lead == "law":
         command += law / stiffness
+    command += offset
+    if simulated is not None:
+        model, data = simulated, mujoco.MjData(simulated)
+        model.opt.gravity[:] = gravity
     data.qpos[at], data.qvel[dof] = along.angles[0], along.rates[0]
     count, wide = len(along.time), len(at)
     qpos = np.zeros((count, model.nq))

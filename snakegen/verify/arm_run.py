@@ -72,7 +72,8 @@ def run_arm(
         motion: of its chain.
         mission: name.
         seed: kept in the log; nothing here is drawn by chance.
-        options: of the mission: gravity, lead, friction and its own.
+        options: of the mission: gravity, lead, friction and its own; ``draw``, ranges and a
+            generator, takes the plant off its nominal values (`arm_trials`).
         tip: the point whose place is logged; the last link's end if absent.
         tip_target: (T,) s → (T, 3) m, where it should be, where that is not simply where the motion
             asked for has it.
@@ -94,7 +95,15 @@ def run_arm(
     q = robot.configuration()
     along = torques_along(robot, q, motion, motion.times(1.0 / STEP), gravity=gravity)
     lead = str(options.get("lead", "law"))
-    moved = move(world, along, gravity, friction=rub, lead=lead, progress=progress)
+    drawn, plant = _drawn(world, options.get("draw"))
+    if plant is not None:
+        rub = plant.rubbed(rub)
+    moved = move(
+        world, along, gravity, friction=rub, lead=lead,
+        simulated=None if plant is None else plant.model(world),
+        offset=0.0 if plant is None else plant.offset,
+        progress=progress,
+    )  # fmt: skip
     made = _law_of(world, moved, gravity)
     rows = np.arange(0, moved.ticks, round(LOGGED / STEP))
     end = find_tip(robot) if tip is None else tip
@@ -110,13 +119,13 @@ def run_arm(
         "urdf_sha256": robot.urdf_hash,
         "rotors": [],
         "limits": {"joint_torque": robot.limits(motion.joints)[2].tolist()},
-        "options": {k: v for k, v in options.items() if v is not None},
+        "options": {k: v for k, v in options.items() if v is not None and k != "draw"},
         "gravity_m_s2": gravity.tolist(),
         "friction_n_m": list(rub.highest),
         "stopped": moved.stopped,
         "planned_s": float(along.time[-1]),
         "facts": dict(facts or {}),
-    }
+    } | ({"drawn": drawn} if drawn else {})
     recording = Recording(along.time[rows], channels, (), meta, arm_report(channels))
     found = metrics(recording) | {"completed": not moved.stopped}
     # Friction holds joints back where they turn round: then only the motion made is comparable.
@@ -191,6 +200,23 @@ def _law_of(world: World, moved: Moved, gravity: ArrayLike) -> Floats:
         robot.tree, armature(robot), np.asarray(gravity, float), base, angles, v, a, NO_LOADS
     )
     return np.asarray(out[:, 6 + world.chain])
+
+
+def _drawn(world: World, given: Any) -> tuple[dict[str, float], Any]:
+    """Returns what was drawn for a run, in numbers for its log, and the draw; none without."""
+    if given is None:
+        return {}, None
+    from snakegen.verify.arm_trials import draw
+
+    plant = draw(world, *given)
+    moving = world.model.body_mass
+    numbers = {
+        "mass": float(moving @ plant.mass / moving.sum()),
+        "friction_max_Nm": float(plant.friction.max()),
+        "stiffness_min": float(plant.stiffness.min()),
+        "offset_max_rad": float(np.abs(plant.offset).max()),
+    }
+    return numbers, plant
 
 
 def _channels(

@@ -92,7 +92,7 @@ class MonteCarlo:
     """
 
     asked: int
-    spread: Spread
+    spread: Any  # a dataclass of ranges
     trials: tuple[Trial, ...]
     survival: float
     interval: tuple[float, float]
@@ -231,7 +231,7 @@ def perturbed(
     return replace(world, model=model), plant, drawn
 
 
-def summary(asked: int, spread: Spread, trials: list[Trial]) -> MonteCarlo:
+def summary(asked: int, spread: Any, trials: list[Trial]) -> MonteCarlo:
     """Returns survival, percentiles and the worst of `trials`."""
     alive = [t for t in trials if t.survived]
     columns: dict[str, list[float]] = {}
