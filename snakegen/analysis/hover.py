@@ -1,6 +1,6 @@
 """Hover: the thrust that each rotor and apparatus needs, its reserve, and the φ servo's load."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from snakegen.analysis.allocation import Allocation, allocation
 from snakegen.geometry import Floats
 from snakegen.kernels.bounded import box_allocation
+from snakegen.margins.vectored import set_margins
 from snakegen.posture import aim_gimbals
 from snakegen.robot import Robot
 
@@ -33,6 +34,8 @@ class Hover:
         apparatus_min: (Ñ,) N, least thrusts.
         beyond: (name, angle [rad]) of gimbals that eq 36's forces would turn past their limits.
         short: (Ñ,) rad, by which each apparatus stays short of the direction of its force.
+        possible: where eq 36's forces leave a limit, whether other forces within all limits hover:
+            True or False as certified bounds prove it, None where they leave it open.
         vectored: whether gimbals turn any rotor; else there is dual-rotor mode alone.
     """
 
@@ -49,6 +52,7 @@ class Hover:
     apparatus_min: Floats
     beyond: tuple[tuple[str, float], ...]
     short: Floats
+    possible: bool | None = None
     vectored: bool = True
 
     @property
@@ -90,6 +94,7 @@ class Hover:
                 "thrust_N": self.virtual_thrust.tolist(),
                 "saturation": (self.virtual_thrust / self.apparatus_max).tolist(),
                 "residual": self.virtual_residual,
+                "possible_within_limits": True if self.virtual_feasible else self.possible,
                 "thrust_min_N": self.apparatus_min.tolist(),
                 "gimbals_beyond_limits_rad": dict(self.beyond),
                 "direction_short_rad": self.short.tolist(),
@@ -127,6 +132,12 @@ class Hover:
             if residual >= _MET
             else obstacles or f"{100 * share:.0f} % of the limit"
         )
+        if self.vectored and mode == "virtual-single-rotor":
+            why += {
+                True: "; other forces within the limits hover (constrained allocator)",
+                False: "; no forces within the limits hover (proved)",
+                None: "",
+            }[self.possible]
         return f"hover, {mode}", f"not within limits: {values} N, {why}"
 
     def _obstacles(self) -> str:
@@ -181,7 +192,7 @@ def analyze(robot: Robot, q: Floats) -> Hover:
         ]
     )
     beyond, short = _reach(robot, q, a, forces.reshape(-1, 3))
-    return Hover(
+    found = Hover(
         dual,
         float(np.linalg.norm(rows * (a.dual @ dual - a.hover_wrench))),
         np.linalg.norm(forces.reshape(-1, 3), axis=1),
@@ -195,8 +206,19 @@ def analyze(robot: Robot, q: Floats) -> Hover:
         np.bincount(rotors.apparatus, rotors.thrust_min, len(gimbals.limit)).astype(float),
         beyond,
         short,
-        bool(robot.gimbal_names),
+        vectored=bool(robot.gimbal_names),
     )
+    if not found.vectored or found.virtual_feasible:
+        return found
+    return replace(found, possible=_possible(robot, q, a))
+
+
+def _possible(robot: Robot, q: Floats, a: Allocation) -> bool | None:
+    """Returns whether some forces of the apparatuses' sets give the hover wrench, None if open."""
+    scale: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    m = set_margins(robot.force_sets(q), a.hover_wrench, wrench_starts=0, **scale)
+    low, high = (float(x) for x in m.wrench_bounds)
+    return True if low > 0.0 else False if high < 0.0 else None  # 0: a lost rank, no proof
 
 
 def _reach(
