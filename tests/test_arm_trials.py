@@ -37,7 +37,7 @@ def test_an_arm_within_its_ranges_passes_and_repeats(arm):
     ("override", "check"),
     [
         ("joint.effort=20", "joint_torque_use"),
-        ("joint.servo={stiffness: 50, damping: 2}", "position_max_m"),
+        ("joint.servo={stiffness: 10, damping: 0.4}", "position_max_m"),
     ],
 )
 def test_a_servo_at_half_strength_or_too_soft_fails(override, check):
