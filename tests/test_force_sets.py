@@ -1,5 +1,7 @@
 """Force sets: what an apparatus of any kind can push with, and margins bounded from both sides."""
 
+from dataclasses import replace
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
@@ -169,3 +171,21 @@ def test_a_ball_in_six_dimensions_is_certified():
     assert not certify(1.02 * high, convex, hover, 10**6, least)[0] and least[0] < 1.02 * high
     for d in rng.normal(size=(200, 6)):
         assert slack(d, convex, hover) >= low * np.linalg.norm(d)
+
+
+def test_bounds_of_random_bodies_against_sequential_quadratic_programs():
+    """No lower bound above what forces reach, no upper one below: a few bodies of the benchmark."""
+    path = Path(__file__).parent.parent / "benchmarks" / "force_set_fuzz.py"
+    spec = spec_from_file_location("force_set_fuzz", path)
+    fuzz = module_from_spec(spec)
+    spec.loader.exec_module(fuzz)
+    rng, checked = np.random.default_rng(3), 0
+    while checked < 2:
+        sets, hover = fuzz.random_body(rng)
+        scale = {"force_scale": np.linalg.norm(hover), "torque_scale": 8.0}
+        m = set_margins(sets, hover, wrench_starts=0, **scale)
+        if m.feasible and m.force > 0.0:
+            assert fuzz.check(np.random.default_rng(checked), sets, m, 200) == []
+            checked += 1
+    false = replace(m, bounds=m.bounds * 1.3)  # the check sees bounds that are too high
+    assert fuzz.check(rng, sets, false, 20) != []

@@ -150,6 +150,8 @@ def posture(hull, hover, tolerance, flat, bounds, twists, counts):
     if bounds[1, 0] == -np.inf:  # within the hull, but no pieces that hold it
         bounds[0, 0] = -nearest
         bounds[1, 0], bounds[2, 0] = np.nan, np.nan
+        if nearest <= OFF:  # at the very edge of the pieces
+            bounds[:, 0] = 0.0
     elif flat:
         bounds[0, 0] = 0.0
     return True

@@ -46,6 +46,8 @@ def distance(sets, hover, twist):
             if high - low <= AGREED * high or k > 7:
                 break
         points[k], weights[k] = best, 1.0 if k == 0 else 0.0
+        if k == 0:
+            high = min(high, np.sqrt((best**2).sum()))
         k = _descend(points, weights, k + 1, h, target)
         if k == 0:  # rounding: no better point can be told apart
             break

@@ -165,7 +165,7 @@ class ForceSets:
 
     def hull(self, scale: tuple[float, float] = (1.0, 1.0)) -> kernel.Sets:
         """Returns the sets' hulls as kernels take them, scaled by F0 and T0; a stack's first."""
-        rows = [_row(p, scale[0]) for of in self.patches for p in of]
+        rows = [patch_row(p, scale[0]) for of in self.patches for p in of]
         count = [len(of) for of in self.patches]
         n = len(self)
         one = self if self.points.ndim == 2 else self.posture(0)
@@ -273,7 +273,7 @@ def _farthest(
     return np.array(u) * (high if best > 0.0 else low)
 
 
-def _row(patch: Floats, force: float) -> Floats:
+def patch_row(patch: Floats, force: float) -> Floats:
     """Returns the constants of a patch as the kernel reads them."""
     p0, p1, t0, t1, low, high, side = patch
     middle, half = 0.5 * (p0 + p1), 0.5 * (p1 - p0)

@@ -10,6 +10,7 @@ from snakegen.errors import AnalysisError
 from snakegen.kernels import limited_margins, vectored
 from snakegen.kernels.limited_margins import span_columns
 from snakegen.margins import inputs
+from snakegen.margins.branching import branch
 from snakegen.margins.force_sets import ForceSets
 from snakegen.margins.limited import certify_wrench, ray_bounds, refine_limited
 from snakegen.margins.wrench_search import refine
@@ -318,6 +319,8 @@ def set_margins(
         limited_margins.batch(
             hull, placed, frames, sets.spans, wrenches, tolerance, bounds, twists, rank, calls
         )
+        if one and bounds[0, 0, 1] > 0.0:
+            branch(hull._replace(points=placed[0], frames=frames[0]), *wrenches, *bounds, *twists)
         for i in np.flatnonzero((bounds[:, 0, 1] > 0.0) & (starts > 0)):
             here = hull._replace(points=placed[i], frames=frames[i])
             refine_limited(here, wrenches[i], bounds[i], twists[i], tolerance, starts)
