@@ -140,7 +140,8 @@ _overrides = chain(
     click.option("--apparatus", metavar="PLACES", help="Replace the places, as in 1,2,4@0.3."),
     click.option(
         "--set", "overrides", metavar="PATH=VALUE", multiple=True,
-        help="Set a field of the spec, as in chain.length=0.3; may be repeated.",
+        help="Set a field of the spec, as in chain.length=0.3; given inertias scale with masses "
+        "and sizes. May be repeated.",
     ),
 )  # fmt: skip
 
