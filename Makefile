@@ -99,6 +99,7 @@ bench: $(VENV)/bench.stamp ## run the benchmarks, each against its rival
 		echo "== $$file"; $(BIN)/python $$file || exit 1; done
 
 stress: $(VENV)/dev.stamp ## kills, full disks, damage and Ctrl-C: KILLS cases each (50)
+	$(BIN)/python -m pytest -m slow tests/test_sweep_storage.py tests/test_journal.py
 	$(BIN)/python benchmarks/stress.py --kills $(KILLS)
 
 speed: $(VENV)/bench.stamp ## measure the table of speeds and put it into README.md

@@ -97,6 +97,7 @@ def test_a_full_disk_ends_the_journal_not_the_flight(
     assert capsys.readouterr().err.count("no journal (No space left on device)") == 1
 
 
+@pytest.mark.slow
 def test_a_killed_flight_is_readable(tmp_path: Path) -> None:
     """A real kill -9, of the real command."""
     log = tmp_path / "f.rrd"

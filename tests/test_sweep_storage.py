@@ -214,6 +214,7 @@ def _runs(pid: int) -> bool:
         return False
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_dies_is_one_error_and_the_parts_are_kept(
     robot: Robot, tmp_path: Path
 ) -> None:
