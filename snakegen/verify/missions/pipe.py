@@ -5,6 +5,7 @@ that touches anywhere rolls along as the ground does.
 """
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ OPTIONS: dict[str, list[Any]] = COMMON | {
     "staves": [16, "1, flats that make the pipe's section; the lowest is the ground"],
     "entry": [0.25, "m ahead of the head, where the pipe begins"],
     "length": [1.2, "m, of the pipe"],
+    "fit": [True, "casters too wide for the pipe get the widest track that fits; false: refuse"],
 }
 
 
@@ -40,16 +42,22 @@ def widest_track(radius: float, room: float, ball: float, staves: int) -> float:
     return 2.0 * float(np.min(lifted / np.sin(angle)))
 
 
-def check_fit(robot: Robot, radius: float, room: float, staves: int) -> None:
-    """Raises MissionError where a caster's balls stand too far apart for the pipe."""
+def fitted(robot: Robot, radius: float, room: float, staves: int, fit: bool) -> Robot:
+    """Returns the robot with casters whose balls fit a pipe of inner `radius` [m].
+
+    Raises:
+        MissionError: balls that stand too far apart, where they may not be moved.
+    """
+    casters = []
     for caster in robot.modules.casters:
-        most = widest_track(radius, room, caster.radius, staves)
-        if caster.track > most:
+        most = math.floor(1e3 * widest_track(radius, room, caster.radius, staves)) / 1e3
+        if caster.track > most and not (fit and most > 0):
             raise MissionError(
                 f"the balls of {caster.link} stand {caster.track:g} m apart; a pipe "
-                f"{2 * radius:g} m wide takes {math.floor(1e3 * most) / 1e3:g} m: "
-                f"--set caster.track={math.floor(1e3 * most) / 1e3:g}"
+                f"{2 * radius:g} m wide takes caster.track = {most:g} m"
             )
+        casters.append(replace(caster, track=min(caster.track, most)))
+    return replace(robot, modules=replace(robot.modules, casters=tuple(casters)))
 
 
 def fly(
@@ -63,7 +71,11 @@ def fly(
         raise MissionError("pipe needs a length above 0 and at least 0.9 of the drums' radius.")
     if not (isinstance(staves, int) and 6 <= staves <= 64):
         raise MissionError(f"staves = {staves}: a pipe is made of 6 to 64.")
-    check_fit(robot, radius, o["room"], staves)
+    tracks = [caster.track for caster in robot.modules.casters]
+    robot = fitted(robot, radius, o["room"], staves, o["fit"])
+    narrow = [c for c, was in zip(robot.modules.casters, tracks, strict=True) if c.track < was]
+    told = [f"a pipe {2 * radius:.3f} m wide inside lies ahead"]
+    told += [f"{c.link}: balls {c.track:g} m apart, to fit the pipe" for c in narrow]
     body = sum(robot.modules.lengths.values())
     path = [("line", o["entry"] + o["length"] + body + 0.1)]
     reference = following(robot, path, o["speed"], o["acceleration"])
@@ -74,8 +86,12 @@ def fly(
         o["gain"],
         o["feedback"],
         obstacles=pipe((o["entry"], o["entry"] + o["length"]), radius, staves),
-        events=((0.0, f"a pipe {2 * radius:.3f} m wide inside lies ahead"),),
-        facts={"pipe_diameter_m": 2.0 * radius, "drum_diameter_m": 2.0 * drum},
+        events=tuple((0.0, text) for text in told),
+        facts={
+            "pipe_diameter_m": 2.0 * radius,
+            "drum_diameter_m": 2.0 * drum,
+            "caster_track_m": [c.track for c in robot.modules.casters],
+        },
         thresholds=PASSAGE | {"distance_end_m": {"at_most": 0.01}},
     )
     how: dict[str, Any] = {"plant": o["plant"], "seed": seed, "ideal": ideal}
