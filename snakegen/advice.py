@@ -3,6 +3,7 @@
 import math
 from typing import TYPE_CHECKING, Any
 
+from snakegen.drum_fit import drum_warnings
 from snakegen.resolve import lone_clearance
 
 if TYPE_CHECKING:
@@ -163,7 +164,7 @@ def _screws(spec: "RobotSpec", resolved: dict[str, Any]) -> list[str]:
     if spec.screw_drive is None:
         return []
     alpha = resolved["screw_drive"]["alpha"]
-    out = []
+    out = drum_warnings(resolved)
     if len({a > 0 for a in alpha}) == 1:
         degrees = ", ".join(f"{math.degrees(a):.4g}°" for a in alpha)
         out.append(

@@ -49,10 +49,10 @@ def _check(alpha: float, radius: float, wheel_radius: float, blades: int, per_bl
             f"helix angle {math.degrees(alpha):.4g}°: a drum of cross wheels only slides sideways; "
             "HA uses ±45°."
         )
-    if not 0 < wheel_radius < radius:
+    if not 0 < wheel_radius < 0.5 * radius:
         raise SpecError(
             f"wheel radius {wheel_radius:g} m does not fit a drum of radius {radius:g} m: "
-            "it must be positive and smaller."
+            "it must be positive and less than half of that, or wheels reach the drum's axis."
         )
     if blades < 1 or per_blade < 1 or blades * per_blade < 3:
         raise SpecError(

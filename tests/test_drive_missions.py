@@ -170,7 +170,7 @@ def test_round_pipe_a_little_wider_than_the_body(screw4):
     with pytest.raises(MissionError, match=r"0\.12 m apart; a pipe 0\.15 m .* 0\.025 m"):
         run(screw4, "pipe", options=way | {"fit": False})
     assert fitted(screw4, 0.075, 0.0, 16, True).modules.casters[0].track == 0.025
-    assert fitted(screw4, 0.2, 0.0, 16, True).modules.casters[0].track == 0.12  # it fits as it is
+    assert fitted(screw4, 0.4, 0.0, 16, True).modules.casters[0].track == 0.12  # it fits as it is
     with pytest.raises(MissionError, match="6 to 64"):
         run(screw4, "pipe", options={"staves": 4})
     robot = load(load_spec("screw4", overrides=["caster.track=0.02"]))

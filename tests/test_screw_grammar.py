@@ -125,11 +125,14 @@ def test_the_mjcf_rolls_and_agrees(rollers):
     """The gate of every build, on the full body; and a push of the drums moves it on the floor."""
     robot = load(load_spec("screw4", overrides=[f"screw_drive.rollers={rollers}"]))
     spec = decorate(robot.urdf, robot.modules, {}, visuals=False)
+    on_wheels = None
     if rollers == "ball":
         model = spec.compile()
         assert model.nv == 6 + 6 + 4 * 3 and model.body_mass.sum() == pytest.approx(8.0)
-        spec = decorate(robot.urdf, robot.modules, {}, visuals=False, rollers="ring_sphere")
-    assert compare(robot, spec.compile(), states=2).worst <= BOUND
+        spec = decorate(
+            robot.urdf, robot.modules, {}, visuals=False, rollers=(on_wheels := "ring_sphere")
+        )
+    assert compare(robot, spec.compile(), states=2, rollers=on_wheels).worst <= BOUND
 
 
 def test_a_planted_fault_fails_the_gate(screw4):
@@ -181,3 +184,35 @@ def test_statics_of_a_body_on_the_ground_has_no_tip():
     assert rows["no load"] == "7 joints"  # three yaw joints and four screws
     assert not [label for label in rows if label.startswith("tip")]
     assert statics.analyze(arm, arm.configuration()).tip_load is not None
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "value"),
+    [
+        ("screw_drive.wheel_radius=0.03", "leave a hub of", "0.015 m"),
+        ("screw_drive.blades=20", "wheels of 20 blades", "0.014 m"),  # 2π 0.063 cos 45° / 20
+        ("screw_drive.offset=0.01", "beyond link 1", "0.0325 m"),
+        ("screw_drive.length=0.2", "drums 1 and 2 meet", "19.7°"),  # 2 atan(0.026 / 0.15)
+    ],
+)
+def test_drums_that_do_not_fit_are_named(change, words, value):
+    found = warnings(load_spec("screw4", overrides=[change]))
+    assert any(words in text and value in text for text in found), found
+    assert not warnings(load_spec("screw4")) and not warnings(load_spec("hybrid4"))
+    with pytest.raises(SpecError, match="reach the drum's axis"):
+        load_spec("screw4", overrides=["screw_drive.wheel_radius=0.05"]).resolved()
+
+
+def test_drums_collide():
+    """Bent past what its limits allow, a body's drums touch; within them nothing does."""
+    robot = load("screw4")
+    model = decorate(robot.urdf, robot.modules, {}, visuals=False).compile()
+    data = mujoco.MjData(model)
+    envelopes = {model.geom(f"screw{i}_envelope").id for i in range(1, 5)}
+    for bend, touches in ((0.0, False), (0.78, False), (1.75, True)):
+        mujoco.mj_resetData(model, data)
+        data.qpos[2] = 1.0
+        data.qpos[model.joint("joint2_yaw").qposadr[0]] = bend
+        mujoco.mj_forward(model, data)
+        pairs = [set(data.contact.geom[i]) for i in range(data.ncon)]
+        assert any(pair <= envelopes for pair in pairs) is touches

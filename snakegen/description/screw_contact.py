@@ -18,6 +18,8 @@ from snakegen.wheel_layout import WheelLayout, wheel_layout
 HEAD = "control_point"  # site at P
 GROUND_BIT = 2  # contact bit of floors, ceilings and steps: rollers meet these and nothing else
 
+DRUM_BIT = 4  # contact bit of drums' envelopes: these meet one another
+
 
 @dataclass(frozen=True)
 class ScrewContact:
@@ -113,6 +115,22 @@ def _wheels(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
         body = _body(spec, f"wheel{unit + 1}_{blade}_{wheel}")
         _strip(spec, body)
         _roller(body.add_geom(name=f"{body.name}_contact", type=kind, size=size), contact)
+    _drum(_body(spec, f"screw{unit + 1}"), layout, contact)
+
+
+def _drum(body: mujoco.MjsBody, layout: WheelLayout, contact: ScrewContact) -> None:
+    """Adds the envelope of a drum, which meets other drums and nothing else."""
+    half = float(np.abs(layout.position[:, 0]).max()) + layout.radius
+    turn = [math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0]  # the cylinder's z along the drum's x
+    geom = body.add_geom(
+        name=f"{body.name}_envelope",
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=[contact.radius, half, 0.0],
+        quat=turn,
+    )
+    geom.contype = geom.conaffinity = DRUM_BIT
+    geom.mass, geom.group = 0.0, 3
+    geom.rgba = [0.5, 0.5, 0.5, 0.0]
 
 
 def _ball(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
