@@ -60,10 +60,12 @@ class Along:
             f"{n} {a:+.3f}" for n, a in zip(self.joints, self.angles[i], strict=True)
         )
         lost = int(np.sum(~np.isfinite(v)))
+        least = f"{v[i]:.4g}" if np.isfinite(v[i]) else "undefined (hover out of reach)"
+        largest = f", largest {v[np.isfinite(v)].max():.4g}" if lost < len(v) else ""
         rows = [
-            (f"weakest {self.margin}", f"{v[i]:.4g} at {where}"),
+            (f"weakest {self.margin}", f"{least} at {where}"),
             ("posture there", posture),
-            ("instants checked", f"{len(v)}, largest {np.nanmax(v):.4g}"),
+            ("instants checked", f"{len(v)}{largest}"),
         ]
         if lost:
             rows.append(("hover out of reach", f"at {lost} of them"))

@@ -144,9 +144,12 @@ class CablesResult:
             text = f"{self.holding.max():.4g} N at most, {self.holding.sum():.5g} N in all"
         else:
             text = "none within the limits of tension"
-        limit = (
-            "no least tension" if np.isnan(self.limit) else f"least tensions ≤ {self.limit:.4g} N"
-        )
+        if np.isnan(self.limit):
+            limit = "no least tension"
+        elif np.isinf(self.limit):
+            limit = "any least tension"
+        else:
+            limit = f"least tensions ≤ {self.limit:.4g} N"
         return [("least that holds", text), ("held with", limit)]
 
     def _mujoco_text(self, held: Held) -> str:
