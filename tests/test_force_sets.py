@@ -9,6 +9,7 @@ import pytest
 from limited_bodies import holds, random_sets
 
 import snakegen
+from snakegen.analysis import wrench_margin
 from snakegen.analysis.allocation import allocation
 from snakegen.kernels import force_sets as kernel
 from snakegen.kernels.convex_pieces import pieces_into
@@ -16,6 +17,7 @@ from snakegen.kernels.force_sets import slack
 from snakegen.kernels.jit import jit
 from snakegen.kernels.limited_margins import empty_pieces
 from snakegen.kernels.wrench_certificate import certify
+from snakegen.margins.controller import vectored_controller
 from snakegen.margins.force_sets import ForceSets
 from snakegen.margins.vectored import set_margins
 from snakegen.posture import hover_gimbals
@@ -189,3 +191,34 @@ def test_bounds_of_random_bodies_against_sequential_quadratic_programs():
             checked += 1
     false = replace(m, bounds=m.bounds * 1.3)  # the check sees bounds that are too high
     assert fuzz.check(rng, sets, false, 20) != []
+
+
+def test_every_margin_of_the_page_falls_with_the_gimbals():
+    """Narrow gimbals bound failures, guaranteed, joint-limited and allocator margins too."""
+    robot = limited(0.05)
+    q = hover_gimbals(robot, robot.configuration(BENT))
+    page = wrench_margin.analyze(robot, q, mass_error=0.02)
+    exact = page.vectored["force"].value
+    assert 4.6 < exact < 4.67
+    assert page.guaranteed["virtual_single_rotor"]["force"] < exact
+    low, high = page.joint_limited["virtual_single_rotor"].force
+    assert 0.95 * exact < low <= exact and low <= high <= page.vectored["force"].bounds[1]
+    sets, a = robot.force_sets(q), allocation(robot, q)
+    given = a.thrust_points, robot.gimbals.limit, a.hover_wrench
+    scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
+    held = vectored_controller(*given, sets=sets, **scale)
+    assert page.controller["virtual_single_rotor"]["force"] == held.force <= exact
+    direction = held.slices["force"].push[:3] / np.linalg.norm(held.slices["force"].push[:3])
+    inverse = np.linalg.pinv(a.force @ block_diagonal(a.link_axes))
+    for share, within in ((0.999, True), (1.01, False)):  # of the push at which a force leaves
+        moved = inverse @ (a.hover_wrench - np.r_[share * held.force * direction, 0, 0, 0])
+        inside = [holds(sets, j, f, 1e-6) for j, f in enumerate(moved.reshape(-1, 3))]
+        assert all(inside) == within
+
+
+def block_diagonal(turns):
+    """Returns (3n, 3n), from CoG axes to each link's."""
+    out = np.zeros((3 * len(turns), 3 * len(turns)))
+    for j, turn in enumerate(turns):
+        out[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] = turn.T
+    return out

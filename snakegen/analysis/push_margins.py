@@ -17,8 +17,9 @@ from snakegen.margins.controller import (
     truncated_controller,
     vectored_controller,
 )
-from snakegen.margins.joint_limited import JointLimitedMargins, vectored_joint_limited
+from snakegen.margins.joint_limited import JointLimitedMargins
 from snakegen.margins.joint_limited_rotors import truncated_joint_limited
+from snakegen.margins.joint_limited_sets import sets_joint_limited
 from snakegen.margins.push_margin import PushMargin, PushMargins
 from snakegen.margins.rays import Bounds
 from snakegen.margins.thrust import ThrustMargins
@@ -80,15 +81,16 @@ def _virtual(
     labels = [f"apparatus {j + 1}" for j in range(limit.size)]
     given: dict[str, Any] = {"drag": a.drag} | _scale(robot)
     points = (a.thrust_points, limit, a.hover_wrench)
+    sets, given = found.sets, given | {"sets": found.sets}
     weights = np.where(limit > 0.0, limit, 0.0)
     free = vectored_controller(*points, weights=weights, **given)
     out = {}
     limited = None
     if joints:
         rows = bounds.rows.reshape(len(joints), -1, 3)
-        limited = vectored_joint_limited(
-            *points, rows, bounds.bias, bounds.limit, disturbance=bounds.wrench,
-            tolerance=tolerance, **given,
+        limited = sets_joint_limited(
+            sets, a.hover_wrench, rows, bounds.bias, bounds.limit, disturbance=bounds.wrench,
+            tolerance=tolerance, **_scale(robot),
         )  # fmt: skip
     held = vectored_controller(*points, weights=weights, bounds=bounds, **given)
     for kind in ("force", "torque"):

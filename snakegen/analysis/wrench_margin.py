@@ -11,8 +11,8 @@ from snakegen.geometry import Floats
 from snakegen.kinetostatics.joint_loads import joint_loads
 from snakegen.margins.controller import thrust_controller, vectored_controller
 from snakegen.margins.failure import thrust_failures, vectored_failures
-from snakegen.margins.joint_limited import vectored_joint_limited
 from snakegen.margins.joint_limited_rotors import thrust_joint_limited
+from snakegen.margins.joint_limited_sets import sets_joint_limited
 from snakegen.margins.push_margin import ALLOCATORS, PushMargins
 from snakegen.margins.summary import JointLimited, Margins, Weakest
 from snakegen.margins.thrust import ThrustMargins, thrust_margins
@@ -95,7 +95,12 @@ def analyze(
         vectored = {n: _weakest(v, n, units) for n in ("wrench", "force", "torque")}
         controller["virtual_single_rotor"] = _slices(
             vectored_controller(
-                a.thrust_points, limit, a.hover_wrench, weights=np.ones(limit.size), **free
+                a.thrust_points,
+                limit,
+                a.hover_wrench,
+                weights=np.ones(limit.size),
+                sets=sets,
+                **free,
             )
         )
     return Margins(
@@ -155,10 +160,9 @@ def _joint_limited(
         )
     }  # fmt: skip
     if robot.gimbal_names:
-        found["virtual_single_rotor"] = vectored_joint_limited(
-            a.thrust_points, robot.gimbals.limit, a.hover_wrench, loads.forces, *shared,
-            drag=a.drag, **more,
-        )  # fmt: skip
+        found["virtual_single_rotor"] = sets_joint_limited(
+            robot.force_sets(q), a.hover_wrench, loads.forces, *shared, **more
+        )
     out = {}
     for mode, m in found.items():
         force, torque = (tuple(float(x) for x in b) for b in (m.force_bounds, m.torque_bounds))

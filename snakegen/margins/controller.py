@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from snakegen.margins import inputs
+from snakegen.margins.force_sets import ForceSets
 from snakegen.margins.quadric import leaves_ball, leaves_plane
 from snakegen.margins.rays import Bounds
+from snakegen.margins.set_exits import leaves_sets
 from snakegen.rounding import least
 
 Floats = NDArray[np.float64]
@@ -227,8 +229,12 @@ def vectored_controller(
     weights: ArrayLike | None = None,
     drag: ArrayLike = 0.0,
     bounds: Bounds | None = None,
+    sets: ForceSets | None = None,
 ) -> ControllerMargins:
     """Returns the margins of ``F = D (Q_force D)^# w`` under ‖f_j‖ ≤ L_j (ZN23 eq 36).
+
+    The law knows no gimbal limits; with `sets` it ends where a force leaves its set, or rather the
+    convex piece of it about the force at hover: a lower bound where the set is not convex.
 
     Args:
         points: p, (n, 3), m from the CoG.
@@ -238,6 +244,7 @@ def vectored_controller(
         weights: D, one number an apparatus, (n,); by default 1, the paper's plain pseudo-inverse.
         drag: c, m, one number or (n,), as `vectored_margins`.
         bounds: joint torque limits, rows (k, 3n), to be kept as well.
+        sets: what the apparatuses can push with; balls if absent.
 
     Raises:
         AnalysisError: as `vectored_margins`.
@@ -257,6 +264,8 @@ def vectored_controller(
             leaves_ball(forces[3 * j : 3 * j + 3], gain[3 * j : 3 * j + 3], float(most))
             for j, most in enumerate(limit)
         ]
+        if sets is not None and not sets.balls.all():
+            exits = leaves_sets(sets, forces, gain)
         acts = np.zeros(0) if bounds is None else bounds.wrench[:, part] * scale[part]
         exits += _joint_exits(bounds, forces, gain, acts)
         missed = np.linalg.norm((scaled @ inverse - np.eye(6))[:, part], 2)

@@ -100,7 +100,7 @@ def limited_problem(
     )
 
 
-def _at_limit(problem: LimitedProblem, thrust: Floats) -> list[int]:
+def joints_at_limit(problem: LimitedProblem, thrust: Floats) -> list[int]:
     torque = problem.bias + problem.rows @ thrust
     return np.flatnonzero(np.abs(torque) >= (1.0 - AT_LIMIT) * problem.limit).tolist()
 
@@ -123,7 +123,7 @@ def limited_slice(
         low, high, e = inner_ball_of(support, size, tolerance)
     if high < 0.0:
         return np.full(2, np.nan), e, []
-    return np.array([low, high]), e, _at_limit(problem, solve(e, part)[1])
+    return np.array([low, high]), e, joints_at_limit(problem, solve(e, part)[1])
 
 
 def held_rows(part: slice) -> slice:
