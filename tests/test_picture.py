@@ -156,4 +156,5 @@ def test_robot_share_leaves_out_the_floor() -> None:
     ids[:5] = [0, int(mujoco.mjtObj.mjOBJ_GEOM)]
     ids[5] = [1, int(mujoco.mjtObj.mjOBJ_GEOM)]
     assert model.geom_type[0] == mujoco.mjtGeom.mjGEOM_PLANE
+    ids[6] = [99, int(mujoco.mjtObj.mjOBJ_TENDON)]  # numbers of its own, beyond the geoms'
     assert robot_share(model, ids) == pytest.approx(0.1)

@@ -164,7 +164,7 @@ def robot_share(model: "mujoco.MjModel", ids: Any) -> float:
     import mujoco
 
     is_geom = ids[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM)
-    types = model.geom_type[ids[..., 0].clip(0)]
+    types = model.geom_type[(ids[..., 0] * is_geom).clip(0)]  # tendons have numbers of their own
     return float((is_geom & (types != int(mujoco.mjtGeom.mjGEOM_PLANE))).mean())
 
 

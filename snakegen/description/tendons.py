@@ -21,6 +21,7 @@ from snakegen.modules import Modules
 KEY = "held"
 DAMPING = 0.02  # s: a winch's damping over its stiffness
 _COLOURS = ((0.85, 0.35, 0.15, 1.0), (0.2, 0.45, 0.8, 1.0), (0.2, 0.6, 0.35, 1.0))
+_ROD = (0.55, 0.57, 0.6, 0.35)
 _WIDTH = 0.0015  # m, as drawn
 
 
@@ -106,7 +107,7 @@ def write_cabled(
     try:
         spec.option.gravity = gravity
         for geom in spec.geoms:
-            geom.group = 1  # seen: these are not hidden behind visuals
+            geom.group, geom.rgba = 1, _ROD  # seen: these are not hidden behind visuals
         for joint in spec.joints:
             # A servo's limit would clip what the cables make of the joint.
             joint.actfrclimited, joint.actfrcrange = mujoco.mjtLimited.mjLIMITED_FALSE, [0.0, 0.0]
