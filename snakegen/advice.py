@@ -151,12 +151,13 @@ def _named(numbers: list[int]) -> str:
 
 
 def _mass(resolved: dict[str, Any]) -> float:
-    """Returns the mass of chain, crosses, apparatuses and payloads [kg]; drums left out."""
+    """Returns the mass [kg] of all parts but drums."""
     joint, part = resolved["joint"], resolved["vectoring_apparatus"]
     crosses = sum(m for m in joint["mass"] if m is not None)
     modules = sum(part["roll_mass"]) + sum(part["pitch_mass"])
     payload = sum(resolved["payload"]["mass"]) if "payload" in resolved else 0.0
-    return float(sum(resolved["chain"]["mass"]) + crosses + modules + payload)
+    battery = resolved["battery"]["mass"] if "battery" in resolved else 0.0
+    return float(sum(resolved["chain"]["mass"]) + crosses + modules + payload + battery)
 
 
 def _screws(spec: "RobotSpec", resolved: dict[str, Any]) -> list[str]:

@@ -14,7 +14,7 @@ from snakegen.wheel_layout import wheel_layout
 
 if TYPE_CHECKING:
     from snakegen.spec import Chain, Joint, RobotSpec
-    from snakegen.spec_modules import Caster, Payload, ScrewDrive, VectoringApparatus
+    from snakegen.spec_modules import Battery, Caster, Payload, ScrewDrive, VectoringApparatus
 
 _CROSS_WIDTH = 0.05  # m, of the joint's body and the gimbal modules where no inertia is given
 _PAIR_OFFSET = 0.037  # m, DRAGON's pitch axis above the roll axis
@@ -54,6 +54,8 @@ def resolve(spec: "RobotSpec") -> dict[str, Any]:
         out["caster"] |= _casters(spec.caster, n, spec.screw_drive)
     if spec.payload is not None:
         out["payload"] |= _payload(spec.payload, n, spec.folder)
+    if spec.battery is not None:
+        out["battery"] |= _battery(spec.battery, n)
     refuse_excess(out)
     out["base"] = resolve_base(spec.base, out)
     for name, part in spec:  # in the grammar's order, so that resolving again changes nothing
@@ -307,3 +309,11 @@ def _payload(part: "Payload", links: int, folder: Path) -> dict[str, Any]:
             raise ValueError(f"payload.inertia: {list(row)} is no body's inertia")
         out["inertia"].append([float(x) for x in row])
     return out
+
+
+def _battery(part: "Battery", links: int) -> dict[str, Any]:
+    """Spells out where the battery is."""
+    places = spell_out(part.at, links, "battery.at")
+    if len(places) != 1:
+        raise ValueError(f"battery.at: {len(places)} places; one is needed")
+    return {"at": [{"link": places[0].link, "position": places[0].position}]}

@@ -24,7 +24,7 @@ from snakegen.places import (
 )
 from snakegen.spec_base import AnyBase
 from snakegen.spec_cables import Cables
-from snakegen.spec_modules import Caster, Payload, ScrewDrive, Servo, VectoringApparatus
+from snakegen.spec_modules import Battery, Caster, Payload, ScrewDrive, Servo, VectoringApparatus
 from snakegen.yaml_file import refuse_executable
 
 MAX_LINKS = 1000
@@ -157,7 +157,9 @@ Share = Annotated[float, Field(ge=0, lt=1), BeforeValidator(number)]
 
 
 class Uncertainty(Part):
-    """Half ranges of the uniform draws of `--trials`: what is not known well of a robot (assumed).
+    """Half ranges of uniform draws: what is not known well of a robot (assumed).
+
+    Flights draw them with `--trials`, drives and arms in every run.
 
     Shares of the nominal value, for a mass or an inertia of each body on its own.
     """
@@ -168,25 +170,37 @@ class Uncertainty(Part):
     lag: Share = Field(0.30, description="of all motors' lag")
     delay: NonNegative = Field(0.010, description="s, added to the delay: 0 … this")
     noise: Share = Field(0.50, description="of all sensors' noise")
+    friction: Share = Field(
+        0.005, description="dry friction of an arm's joints, share of the servo's limit: 0 … this"
+    )
 
 
 class Plant(Part):
     """Imperfections of the simulated robot, its sensors and its surroundings.
 
-    Each has a default with its source; 0 switches it off. Motor lag, servo stiffness, friction and
-    torque limits, drag torque, rotor inertia and payload stand with the parts that have them.
+    Each has a default with its source; 0 or false switches it off. Servo stiffness, friction and
+    torque limits, drag torque, rotor inertia, payload and battery are fields of the parts that have
+    them.
     """
 
     thrust_mismatch: NonNegative = Field(
         0.03, description="standard deviation, relative, per rotor, constant a run (assumed)"
     )
+    drive_mismatch: NonNegative = Field(
+        0.01,
+        description="standard deviation, relative, of what each screw drum turns of what it is "
+        "asked, constant a run: radius and helix as made (assumed)",
+    )
     position_noise: NonNegative = Field(
-        0.001, description="m, standard deviation of motion capture (ZN23: < 1 mm)"
+        0.0005, description="m, standard deviation of motion capture, < 2 of them (ZN23: < 1 mm)"
     )
     attitude_bias: NonNegative = Field(
-        0.00698, description="rad, standard deviation between runs (0.4°; ZN23: IMU < 1°)"
+        0.00698,
+        description="rad, standard deviation between runs, < 2 of them (0.4°; ZN23: IMU < 1°)",
     )
-    attitude_noise: NonNegative = Field(0.00175, description="rad, white (0.1°, assumed)")
+    attitude_noise: NonNegative = Field(
+        0.00175, description="rad, white, < 2 standard deviations (0.1°, assumed)"
+    )
     gyro_noise: NonNegative = Field(0.01, description="rad/s, white (assumed)")
     velocity_noise: NonNegative = Field(0.01, description="m/s, white (assumed)")
     joint_noise: NonNegative = Field(
@@ -199,8 +213,11 @@ class Plant(Part):
         500.0, description="Hz, of attitude and angular rate (assumed); 0: at every physics step"
     )
     delay: NonNegative = Field(
-        0.005, description="s, from sensing to command: one tick at 200 Hz (assumed)"
+        0.005,
+        description="s, from sensing to command: one tick at 200 Hz (assumed); between two ticks "
+        "it is interpolated",
     )
+    motor_lag: bool = Field(True, description="motors lag (vectoring_apparatus.motor_lag)")
     servo_speed: bool = Field(True, description="commands keep to the servos' speed limits")
     gyroscopic: bool = Field(True, description="moments of the spinning rotors, -d(HΩ)/dt")
     air_density: NonNegative = Field(
@@ -214,11 +231,13 @@ class Plant(Part):
     wind_speed: NonNegative = Field(0.0, description="m/s, steady")
     wind_direction: Real = Field(0.0, description="rad, where the wind blows to, from +x")
     turbulence: NonNegative = Field(0.0, description="m/s, standard deviation (Dryden)")
-    endurance: NonNegative = Field(
-        180.0, description="s of hover in a full battery (ZN23: 3 minutes); 0: endless"
+    battery_energy: NonNegative = Field(
+        0.0, description="Wh, of a full battery; 0: endless. `hover` has the flight time"
     )
     voltage_sag: Share = Field(
-        0.1, description="share of voltage lost from full to empty (assumed); thrust goes as V²"
+        0.1,
+        description="share of voltage lost from full to empty (assumed); thrust limits go as V², "
+        "what a rotor gives below them is regulated",
     )
     link_stiffness: NonNegative = Field(
         0.0,
@@ -251,6 +270,7 @@ class RobotSpec(Part):
     caster: Caster | None = Field(None, description="balls that hold the body upright")
     payload: Payload | None = Field(None, description="lumps fixed to links")
     cables: Cables | None = Field(None, description="cables of an arm, for `analyze cables`")
+    battery: Battery | None = Field(None, description="a battery of its own mass")
     control: Control = Field(Control(), description="which law flies the robot, and its gains")
     plant: Plant = Field(Plant(), description="what is imperfect in the simulated robot")
 

@@ -9,6 +9,7 @@ from snakegen.places import (
     Moments,
     NonNegative,
     Part,
+    Place,
     Places,
     Positive,
     Real,
@@ -183,3 +184,11 @@ class Payload(Part):
         None, description="m, the box that stands for the mesh in contacts; around it if absent"
     )
     box_centre: Vector | None = Field(None, description="m, of that box")
+
+
+class Battery(Part):
+    """A battery whose mass the links' masses leave out; its energy is `plant.battery_energy`."""
+
+    mass: Positive = Field(description="kg")
+    at: Places = Field([Place(link=1)], description='one place: 1, "2@0.3"')
+    radius: Positive = Field(0.03, description="m, of the sphere that gives its inertia")

@@ -89,10 +89,13 @@ def test_a_robot_that_falls_has_not_survived(ready):
     assert not by_thrust[0].survived, "too weak to hold its height"
     assert found.survival == (6 - len(lost)) / 6 and not found.trials[found.worst].survived
     assert found.interval == wilson(6 - len(lost), 6)
-    assert all((set(t.failed) & set(SURVIVED) != set()) != t.survived for t in found.trials)
+    for t in found.trials:
+        held = t.metrics["position_max_m"] <= 0.5
+        assert t.survived == (held and not set(t.failed) & set(SURVIVED))
     told = found.to_json()
+    bound = longer.plan.thresholds["position_max_m"]["at_most"]
     assert told["failed_checks"]["position_max_m"] == len(
-        [t for t in found.trials if t.metrics["position_max_m"] > 0.5]
+        [t for t in found.trials if t.metrics["position_max_m"] > bound]
     )
     page = "\n".join(outcome_lines(told, Path("worst.rrd")))
     assert f"position_max_m {told['failed_checks']['position_max_m']}" in page

@@ -14,9 +14,9 @@ from snakegen.errors import MissionError
 from snakegen.log import layout, plots, read
 from snakegen.log.events import merged
 from snakegen.log.scene import scene
+from snakegen.power import battery_joules
 from snakegen.spec_file import load_spec
 from snakegen.verify.outcome import outcome
-from snakegen.verify.plant import battery_energy
 from snakegen.verify.recording import Event, Recording
 from snakegen.verify.run import run
 
@@ -159,7 +159,7 @@ def test_words_of_the_other_missions() -> None:
 def test_an_empty_battery_is_named() -> None:
     """A robot that falls for want of charge is told so, not by its errors alone."""
     fallen = run(
-        snakegen.load(load_spec("dragon4", overrides=("plant.endurance=1.0",))),
+        snakegen.load(load_spec("dragon4", overrides=("plant.battery_energy=1.18",))),
         "hover",
         options={"duration": 1.6},
     )
@@ -178,7 +178,7 @@ def test_battery_and_energy_are_those_of_the_mission(mission: str) -> None:
     used, time = flown.channel("battery_used").values[:, 0], flown.times("battery_used")
     assert time[0] < -5.0 and time[-1] > 3.3
     over = flown.metrics["duration_s"] / time[-1]  # the battery is sampled more seldom
-    share = flown.metrics["energy_j"] / battery_energy(robot, 180.0)
+    share = flown.metrics["energy_j"] / battery_joules(213.0)
     assert flown.metrics["battery_used"] * over == pytest.approx(share, rel=5e-3)
     assert flown.metrics["battery_used"] == pytest.approx(time[-1] / 180.0, rel=0.1)
     assert used[time < 0].max() == 0.0 < used[-1]

@@ -195,10 +195,10 @@ def test_without_noise_both_sides_are_judged_with_noise_what_is_informed(robot):
 
 
 def test_the_battery_is_drained_where_it_is_asked_for(robot):
-    def endurance(**options):
-        return prepare(robot, "push", options=options).imperfections.endurance
+    def energy(**options):
+        return prepare(robot, "push", options=options).imperfections.battery_energy
 
-    assert endurance() == 0.0 and endurance(battery=True) == 180.0
+    assert energy() == 0.0 and energy(battery=True) == 213.0
     assert prepare(robot, "push").imperfections.thrust_mismatch == 0.03
 
 

@@ -10,13 +10,14 @@ import snakegen
 from snakegen.errors import SpecError
 from snakegen.kernels.air import add_stream, air_forces, ground_factor, rotor_in_air
 from snakegen.kernels.flight import spin_torques
+from snakegen.power import battery_joules
 from snakegen.robot import load
 from snakegen.spec import Plant as PlantSpec
 from snakegen.spec_file import load_spec
 from snakegen.verify import wiring
 from snakegen.verify.missions.hover import plan as hover
 from snakegen.verify.monte_carlo import Spread
-from snakegen.verify.plant import Imperfections, battery_energy
+from snakegen.verify.plant import Imperfections
 from snakegen.verify.rotor_signals import roll_moments
 from snakegen.verify.run import prepare, run
 from snakegen.verify.wind import DRYDEN_LENGTHS, dryden, one_minus_cosine, steady
@@ -228,8 +229,8 @@ def test_battery_lasts_its_endurance_in_hover_and_then_the_robot_falls(dragon4):
     power, time = flown.channel("power").values[:, 0], flown.time
     assert used == pytest.approx(time[-1] / 180.0, rel=0.05)
     energy = np.trapezoid(power[time <= flown.times("battery_used")[-1]], dx=0.005)
-    assert used == pytest.approx(energy / battery_energy(dragon4, 180.0), rel=2e-3)
-    short = load(load_spec("dragon4", overrides=["plant.endurance=0.5"]))
+    assert used == pytest.approx(energy / battery_joules(213.0), rel=2e-3)
+    short = load(load_spec("dragon4", overrides=["plant.battery_energy=0.59"]))
     fallen = run(short, "hover", options={"duration": 1.5, "height": 3.0})
     assert fallen.channel("thrust").values[-1].max() < 0.1
     assert not fallen.verdict.passed
@@ -271,9 +272,8 @@ def test_every_field_of_the_specs_plant_reaches_the_loop(dragon4):
     assert ranges == vars(Spread()) == dragon4.modules.uncertainty
     known = {f.name for f in fields(Imperfections)} - {"thrust_scale"}
     assert set(spec) == known
-    assert Imperfections.of(dragon4.modules.plant) == Imperfections(
-        **{k: float(v) for k, v in spec.items()}
-    )
+    own = {k: float(v) for k, v in spec.items()} | {"battery_energy": 213.0}
+    assert Imperfections.of(dragon4.modules.plant) == Imperfections(**own)
     assert Imperfections() == Imperfections.of({})
     other = load(load_spec("dragon4", overrides=["plant.downwash=false", "plant.wind_speed=2.5"]))
     found = Imperfections.of(other.modules.plant)

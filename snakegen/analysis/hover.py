@@ -1,4 +1,4 @@
-"""Hover: the thrust that each rotor and apparatus needs, its reserve, and the φ servo's load."""
+"""Hover: the thrust that each rotor needs, its reserve, the φ servo's load, and the flight time."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,6 +10,7 @@ from snakegen.geometry import Floats
 from snakegen.kernels.bounded import box_allocation
 from snakegen.margins.vectored import set_margins
 from snakegen.posture import aim_gimbals
+from snakegen.power import JOULES, battery_joules, power_factors
 from snakegen.robot import Robot
 
 COMMAND = "hover"
@@ -37,6 +38,9 @@ class Hover:
         possible: where eq 36's forces leave a limit, whether other forces within all limits hover:
             True or False as certified bounds prove it, None where they leave it open.
         vectored: whether gimbals turn any rotor; else there is dual-rotor mode alone.
+        power: (2,) W, electric, of hover in dual-rotor and in virtual-single-rotor mode.
+        battery: J, of the battery; inf where none is declared.
+        voltage_sag: share of the voltage lost from full to empty.
     """
 
     dual_thrust: Floats
@@ -54,6 +58,9 @@ class Hover:
     short: Floats
     possible: bool | None = None
     vectored: bool = True
+    power: tuple[float, float] = (float("nan"), float("nan"))
+    battery: float = float("inf")
+    voltage_sag: float = 0.0
 
     @property
     def thrust_to_weight(self) -> float:
@@ -73,9 +80,30 @@ class Hover:
         high = self.virtual_thrust <= self.apparatus_max * (1 + 1e-9)
         return bool(self.vectored and met and np.all(low & high))
 
+    def flight_time(self, mode: int) -> float | None:
+        """Returns for how long [s] a full battery hovers; None without hover or a battery.
+
+        It ends where the battery is empty, or before, where the thrust limits, which fall as the
+        voltage squared, meet what hover takes of a rotor.
+
+        Args:
+            mode: 0 dual-rotor, 1 virtual-single-rotor.
+        """
+        feasible = self.virtual_feasible if mode else self.dual_feasible
+        if not feasible or not np.isfinite(self.battery):
+            return None
+        share = self.virtual_thrust / self.apparatus_max if mode else None
+        use = float(np.max(self.dual_thrust / self.thrust_max if share is None else share))
+        part = 1.0
+        if self.voltage_sag > 0.0:
+            part = min(1.0, (1.0 - float(np.sqrt(use))) / self.voltage_sag)
+        return part * self.battery / self.power[mode]
+
     def to_json(self) -> dict[str, Any]:
         """Returns plain data for a program."""
+        energy = self.battery / JOULES
         return {
+            "battery_Wh": energy if np.isfinite(energy) else None,
             "weight_N": self.weight,
             "thrust_to_weight": self.thrust_to_weight,
             "dual_rotor": {
@@ -83,6 +111,8 @@ class Hover:
                 "thrust_N": self.dual_thrust.tolist(),
                 "saturation": (self.dual_thrust / self.thrust_max).tolist(),
                 "residual": self.dual_residual,
+                "power_W": self.power[0] if self.dual_feasible else None,
+                "flight_time_s": self.flight_time(0),
                 "roll_servo_moment_Nm": self.roll_moment.tolist(),
                 "roll_servo_moment_max_Nm": self.roll_moment_range.tolist(),
                 "roll_servo_limit_Nm": [
@@ -98,6 +128,8 @@ class Hover:
                 "thrust_min_N": self.apparatus_min.tolist(),
                 "gimbals_beyond_limits_rad": dict(self.beyond),
                 "direction_short_rad": self.short.tolist(),
+                "power_W": self.power[1] if self.virtual_feasible else None,
+                "flight_time_s": self.flight_time(1),
             },
         }
 
@@ -111,8 +143,28 @@ class Hover:
             *([virtual] if self.vectored else []),
             self._row("dual-rotor", self.dual_feasible, self.dual_thrust,
                       self.thrust_max, self.dual_residual),
+            ("power, flight time", self._endurance()),
             ("moment of λ1 − λ2 on φ servo", self._servo()),
         ]  # fmt: skip
+
+    def _endurance(self) -> str:
+        """Returns power and flight time of the modes that hover."""
+        parts = []
+        for mode, name in ((1, "virtual-single-rotor"), (0, "dual-rotor")):
+            if not (self.virtual_feasible if mode else self.dual_feasible):
+                continue
+            seconds = self.flight_time(mode)
+            lasts = "" if seconds is None else f", {seconds / 60:.1f} min"
+            parts.append(f"{name} {self.power[mode]:.0f} W{lasts}")
+        if not parts:
+            return "no hover"
+        energy = self.battery / JOULES
+        held = (
+            f"{energy:g} Wh"
+            if np.isfinite(energy)
+            else "no battery declared (plant.battery_energy)"
+        )
+        return "; ".join(parts) + f"   ({held})"
 
     def _row(
         self,
@@ -207,6 +259,9 @@ def analyze(robot: Robot, q: Floats) -> Hover:
         beyond,
         short,
         vectored=bool(robot.gimbal_names),
+        power=_powers(robot, dual, np.linalg.norm(forces.reshape(-1, 3), axis=1)),
+        battery=battery_joules(robot.modules.plant.get("battery_energy", 0.0)),
+        voltage_sag=float(robot.modules.plant.get("voltage_sag", 0.1)),
     )
     if not found.vectored or found.virtual_feasible:
         return found
@@ -245,6 +300,16 @@ def _reach(
             if not low[k] - _MET <= free[k] <= high[k] + _MET:
                 beyond.append((name, float(free[k])))
     return tuple(beyond), short
+
+
+def _powers(robot: Robot, dual: Floats, virtual: Floats) -> tuple[float, float]:
+    """Returns the electric power [W] of hover in both modes; a pair shares its force by limits."""
+    rotors = robot.rotors
+    total = np.bincount(rotors.apparatus, weights=rotors.thrust_max)
+    shared = virtual[rotors.apparatus] * rotors.thrust_max / total[rotors.apparatus]
+    factors = power_factors(robot)
+    dual_power, virtual_power = (factors @ np.maximum(t, 0.0) ** 1.5 for t in (dual, shared))
+    return float(dual_power), float(virtual_power)
 
 
 def _roll_moments(robot: Robot, a: Allocation, thrust: Floats) -> tuple[Floats, Floats]:

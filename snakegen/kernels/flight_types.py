@@ -98,7 +98,8 @@ class Plant(NamedTuple):
     timestep: float  # s
     hold: int  # ticks between two position samples
     imu: int  # physics steps between two attitude samples
-    delay: int  # ticks from sensing to the controller
+    delay: int  # whole ticks from sensing to the controller
+    part: float  # share of a tick that the delay has besides
     gimbal_step: Floats  # (Ñ, 2) rad a tick, fastest
     joint_step: Floats  # (k,) rad a tick, fastest
     thrust_max: Floats  # (r,) N
@@ -121,7 +122,8 @@ class Memory(NamedTuple):
     joints: Floats  # (k,) rad, now commanded
     imu: Floats  # (12,) last attitude (row-major) and angular rate (body axes)
     seen: Floats  # (6,) last position sample and velocity
-    ring: Floats  # (delay + 1, 18 + 2(n-1) + e) measurements on their way to the controller
+    ring: Floats  # (delay + 2, 18 + 2(n-1) + e + l) states on their way to the controller
+    late: Floats  # (18 + 2(n-1) + e + l,) what has reached it, noise included
     momentum: Floats  # (r,) N m s, of each rotor about its axis
     steady: Floats  # (nbody, 6) forces held during a tick
     used: Floats  # (1,) share of the battery

@@ -19,6 +19,7 @@ from snakegen.kernels.control_types import REFUSED, Measured, State, Target
 from snakegen.kernels.flight import ASTRAY, DIVERGED, fly_ticks, thrusts_into
 from snakegen.kernels.sensing import read_imu
 from snakegen.verify import wiring
+from snakegen.verify.falling import fall
 from snakegen.verify.interrupt import noted
 from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Draw, Imperfections
@@ -104,6 +105,9 @@ def fly(
             step = max(1, round((REFRESH if run.modes else STRETCH) / dt))
             while k < ticks and not stopped:
                 k, stopped, level = run.stretch(k, min(k + step, ticks))
+                fell = None if stopped else run.fell(k)
+                if fell is not None:
+                    stopped, level = f"fell to the floor at {plan.time[fell]:.2f} s", "ERROR"
                 if stopped:
                     events.append((float(plan.time[k - 1]), level, stopped))
                 if progress is not None:
@@ -239,6 +243,11 @@ class _Run:
             limit = self.plan.give_up
             return k, f"gave up at {time[k - 1]:.2f} s: {limit:g} m off target", "WARN"
         return k, "", ""
+
+    def fell(self, ticks: int) -> int | None:
+        """Returns the tick at which the robot fell, of those flown; None while it flies."""
+        dt, weight = self.plant.substeps * self.plant.timestep, self.world.robot.force_scale
+        return fall(self.rows.contact[:ticks], dt, weight, on_floor=self.plan.on_floor)
 
     def _fastest(self) -> str:
         """Returns the name of the fastest degree of freedom and its speed, free wheels apart."""

@@ -22,6 +22,7 @@ from snakegen.verify.flight_report import flight_report
 from snakegen.verify.plant import Imperfections
 from snakegen.verify.recording import Recording
 from snakegen.verify.run import Ready
+from snakegen.verify.verdict import FLIGHT_THRESHOLDS
 from snakegen.verify.world import World
 
 SURVIVED = (
@@ -29,7 +30,6 @@ SURVIVED = (
     "finite",
     "took_off",
     "floor_contact_after_takeoff_s",
-    "position_max_m",
 )  # checks of the verdict that a trial must pass to count as flown; others judge how well
 PERCENTILES = (5, 50, 95)
 _Z = 1.959963984540054  # 97.5 % point of the normal distribution
@@ -53,6 +53,7 @@ class Spread:
     lag: float = 0.30  # all motors'
     delay: float = 0.010  # s, added: 0 … this
     noise: float = 0.50  # all sensors'
+    friction: float = 0.005  # of an arm's joints: share of the servo's limit, 0 … this
 
     @staticmethod
     def of(values: dict[str, Any]) -> "Spread":
@@ -193,10 +194,22 @@ def _trial(
     changed, imperfections, drawn = perturbed(world, ready.imperfections, spread, rng)
     flown = ready.flown(changed, imperfections, rng, seed, look, margins=False)
     checks = flown.verdict.checks if flown.verdict is not None else ()
+    off, most = flown.metrics.get("position_max_m"), lost_beyond(ready)
     survived = all(c.passed for c in checks if c.metric in SURVIVED)
+    survived = survived and off is not None and off <= most
     failed = tuple(c.metric for c in checks if not c.passed)
     stopped = str(flown.meta["stopped"])
     return Trial(number, drawn, flown.metrics, survived, not failed, stopped, failed)
+
+
+def lost_beyond(ready: Ready) -> float:
+    """Returns the distance [m] from its target beyond which a trial counts as lost.
+
+    0.5 m where a flight follows its references, however well it is to follow them; else what the
+    mission allows.
+    """
+    own = None if ready.plan.tracked else ready.plan.thresholds.get("position_max_m")
+    return float((own or FLIGHT_THRESHOLDS["position_max_m"])["at_most"])
 
 
 def perturbed(

@@ -57,6 +57,7 @@ class Plan:
         failures: rotors lost on the way.
         obstacles: boxes in the world.
         give_up: m, distance of the CoG from its target at which the run ends.
+        tracked: whether the flight is to follow its references undisturbed, and is judged so.
         trim: ticks of hover at the start, at times below the mission's 0, in which the integrals
             run faster (`trim.trimmed`).
         facts: what the mission wants in the log, as JSON.
@@ -84,6 +85,7 @@ class Plan:
     failures: tuple[Failure, ...] = ()
     obstacles: tuple[Box, ...] = ()
     give_up: float = float("inf")
+    tracked: bool = True
     trim: int = 0
     facts: dict[str, Any] = field(default_factory=dict)
     drawn: Callable[[Floats], dict[str, Any]] | None = None

@@ -10,12 +10,12 @@ from snakegen.control.controller import Controller
 from snakegen.geometry import Floats
 from snakegen.kernels.chain import forward
 from snakegen.kernels.history import cog_history, quaternions, rotations_of
+from snakegen.power import AIR, FIGURE_OF_MERIT
 from snakegen.robot import Robot
 from snakegen.verify.clearance import clearances
 from snakegen.verify.loop import Flown, rotation_of
 from snakegen.verify.margins_along import States, margins_along, true_sigma_min
 from snakegen.verify.plan import Plan
-from snakegen.verify.plant import AIR, FIGURE_OF_MERIT
 from snakegen.verify.recording import Channel, Event, Recording, channel
 from snakegen.verify.rotor_signals import power, roll_moments, thrusts
 from snakegen.verify.vibration import bends, elastic_channels

@@ -3,9 +3,9 @@
 import numpy as np
 
 from snakegen.geometry import Floats
+from snakegen.power import power_factors
 from snakegen.robot import Robot
 from snakegen.verify.loop import Flown
-from snakegen.verify.plant import power_factors
 from snakegen.verify.world import World
 
 

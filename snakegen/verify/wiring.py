@@ -11,9 +11,10 @@ from snakegen.control.servos import bounded_joints
 from snakegen.errors import SnakegenError
 from snakegen.geometry import Floats
 from snakegen.kernels.flight_types import Memory, Plant, References, Rows, Simulator, Wiring
+from snakegen.power import battery_joules, power_factors
 from snakegen.verify.elastic import tip_name
 from snakegen.verify.plan import Plan
-from snakegen.verify.plant import Draw, Imperfections, battery_energy, power_factors
+from snakegen.verify.plant import Draw, Imperfections
 from snakegen.verify.postures import turning_rates
 from snakegen.verify.world import World
 
@@ -173,13 +174,13 @@ def plant(world: World, plan: Plan, what: Imperfections, dt: float, position_rat
         step,
         max(1, round(1.0 / (position_rate * dt))),
         max(1, round(1.0 / (what.imu_rate * step))) if what.imu_rate else 1,
-        round(what.delay / dt),
+        *_delay_ticks(what.delay / dt),
         turns * dt,
         joints * dt,
         np.array(robot.rotors.thrust_max),
         spin * float(what.gyroscopic),
         power_factors(robot),
-        battery_energy(robot, what.endurance),
+        battery_joules(what.battery_energy),
         float(what.voltage_sag),
         float(what.air_density),
         0.5 * np.array([r.diameter for r in rotors]),
@@ -188,6 +189,13 @@ def plant(world: World, plan: Plan, what: Imperfections, dt: float, position_rat
         int(bool(what.downwash)),
         float(plan.give_up),
     )
+
+
+def _delay_ticks(ticks: float) -> tuple[int, float]:
+    """Returns whole ticks and what is left of one, [0, 1): within 1e-9 of a tick it is whole."""
+    whole = int(np.floor(ticks + 1e-9))
+    left = ticks - whole
+    return whole, float(left) if left > 1e-9 else 0.0
 
 
 def speed_limits(world: World, joints: np.ndarray) -> Floats:
@@ -203,7 +211,8 @@ def memory(world: World, gimbals: Floats, joints: Floats, delay: int, hinges: in
         np.array(joints, float),
         np.zeros(12),
         np.zeros(6),
-        np.zeros((delay + 1, 18 + 2 * n + hinges + loaded)),
+        np.zeros((delay + 2, 18 + 2 * n + hinges + loaded)),
+        np.zeros(18 + 2 * n + hinges + loaded),
         np.zeros(rotors),
         np.zeros((world.model.nbody, 6)),
         np.zeros(1),

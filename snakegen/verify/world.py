@@ -85,6 +85,7 @@ def make_world(
     obstacles: Sequence[Box] = (),
     link_stiffness: float = 0.0,
     link_damping: float = 0.0,
+    motor_lag: bool = True,
 ) -> World:
     """Returns the world of a run: the MJCF of the robot's URDF, without visuals, on a floor.
 
@@ -95,12 +96,18 @@ def make_world(
         obstacles: boxes that stand in the way.
         link_stiffness: N m/rad of a bending link; 0: links are rigid.
         link_damping: s, its damping over its stiffness.
+        motor_lag: False: motors give at once what they are asked.
     """
     lengths = robot.modules.lengths
     urdf = split_links(robot.urdf, lengths) if link_stiffness > 0 else robot.urdf
     spec = decorate(urdf, robot.modules, {}, visuals=False, folder=robot.folder)
     if link_stiffness > 0:
         add_springs(spec, lengths, link_stiffness, link_damping)
+    if not motor_lag:
+        for rotor in (r for a in robot.modules.apparatuses for r in a.rotors):
+            spec.actuator(rotor.link).dyntype = mujoco.mjtDyn.mjDYN_NONE
+        for key in list(spec.keys):  # they hold what motors give after their lag
+            spec.delete(key)
     spec.option.timestep = timestep
     # a reset in mid-run would hide that the run has diverged
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET

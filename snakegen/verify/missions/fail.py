@@ -65,6 +65,7 @@ def plan(
             # rotors that stand still are at their lower limit
             "saturation_share": None,
         },
+        tracked=False,
     )
 
 

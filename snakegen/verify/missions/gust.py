@@ -72,8 +72,10 @@ def plan(
         events=((_AT, f"gust of {peak:g} {unit} along {direction}"), (_AT + length, "gust over")),
         facts={"gust_end_s": _AT + length},
         # turbulence goes on after the gust: there is nothing to come back to
-        thresholds={} if turbulence else {"recovery_s": {"at_most": duration - _AT - length}},
+        thresholds={"position_max_m": {"at_most": 0.6}}
+        | ({} if turbulence else {"recovery_s": {"at_most": duration - _AT - length}}),
         **blown,
+        tracked=False,
     )
 
 

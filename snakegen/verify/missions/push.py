@@ -70,7 +70,7 @@ def plant(given: Imperfections, options: dict[str, Any]) -> Imperfections:
     The ramp takes 120 s at up to 1.2 times hover's thrust; a battery of 180 s of hover is empty
     before its end, and the limit would be that of the battery.
     """
-    return given if options.get("battery") else replace(given, endurance=0.0)
+    return given if options.get("battery") else replace(given, battery_energy=0.0)
 
 
 def plan(
@@ -142,6 +142,7 @@ def plan(
             # the push goes on until tracking is lost, and what follows is not judged
             **dict.fromkeys(_UNJUDGED),
         },
+        tracked=False,
     )
 
 

@@ -77,6 +77,7 @@ def plan(
         disturbance_link=list(robot.modules.lengths)[-1],
         events=((_AT, f"plucked with {force:g} N along {direction}"), (_AT + length, "let go")),
         facts={"pluck": {"start_s": _AT, "end_s": _AT + length}},
+        tracked=False,
     )
 
 

@@ -77,6 +77,7 @@ def plan(
             "overshoot": {"at_most": 0.5},
             "settling_s": {"at_most": hold},
         },
+        tracked=False,
     )
 
 
