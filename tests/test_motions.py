@@ -29,7 +29,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def flown(arm):
-    return run(arm, "table3")
+    return run(arm, "table3", ideal=True)
 
 
 def test_table_3_is_the_papers_and_gives_table_5_as_a_reconstruction(arm):
@@ -213,17 +213,19 @@ def test_a_wrong_law_is_seen(arm, monkeypatch):
         return 1.05 * honest(self, depth)
 
     monkeypatch.setattr(arm_loop.Along, "torque", scaled)
-    m = run(arm, "table3", options={"duration": 1.0}).metrics
+    m = run(arm, "table3", ideal=True, options={"duration": 1.0}).metrics
     assert m["torque_gap_share"] > 0.03
     assert m["inverse_gap_share"] > 0.03
     assert m["made_gap_share"] < 1e-9  # MuJoCo's motion is honest whatever leads it
 
     monkeypatch.setattr(arm_loop.Along, "torque", lambda self: honest(self, "quasi_static"))
-    assert run(arm, "table3", options={"duration": 1.0}).metrics["torque_gap_share"] > 0.9
+    assert (
+        run(arm, "table3", ideal=True, options={"duration": 1.0}).metrics["torque_gap_share"] > 0.9
+    )
 
 
 def test_friction_is_a_switch_that_explains_the_gap(arm):
-    rec = run(arm, "table3", options={"duration": 2.0, "friction": "0.1,0.06"})
+    rec = run(arm, "table3", ideal=True, options={"duration": 2.0, "friction": "0.1,0.06"})
     m, c = rec.metrics, rec.channels
     assert m["made_gap_share"] < 1e-9  # servos + friction = the law of the motion made
     rate, rub = c["joint_rate"].values, c["joint_friction"].values
@@ -239,34 +241,34 @@ def test_friction_is_a_switch_that_explains_the_gap(arm):
 def test_a_run_of_a_table_and_its_log(arm, tmp_path):
     path = tmp_path / "m.csv"
     path.write_text("time,joint1_pitch,joint3_yaw\n0,0,0\n1,0.2,0.1\n2,-0.1,0.3\n")
-    rec = run(arm, "motion", options={"file": str(path)})
+    rec = run(arm, "motion", ideal=True, options={"file": str(path)})
     assert rec.verdict.passed, rec.verdict.summary()
     log = write(rec, tmp_path / "m.rrd")
     found = inspect(log)
     assert found.differing == ()
     assert found.metrics["torque_gap_share"] == rec.metrics["torque_gap_share"]
     with pytest.raises(MissionError, match="needs a file"):
-        run(arm, "motion")
+        run(arm, "motion", ideal=True)
     with pytest.raises(AnalysisError, match="outside its limits"):
-        run(arm, "table3", options={"amplitude": 0.8})
+        run(arm, "table3", ideal=True, options={"amplitude": 0.8})
     with pytest.raises(MissionError, match="needs an arm"):
         run(snakegen.load("dragon3"), "table3")
 
 
 def test_the_tip_follows_its_path_in_mujoco(arm):
-    rec = run(arm, "tip_path", options={"duration": 4.0})
+    rec = run(arm, "tip_path", ideal=True, options={"duration": 4.0})
     assert rec.verdict.passed, rec.verdict.summary()
     assert rec.metrics["ik_error_max_m"] < 1e-4  # the bar: 50 mm circle within 0.1 mm
     assert rec.metrics["position_max_m"] < 1e-4
     path = rec.channel("position_target").values
     assert np.linalg.norm(path - path[0], axis=1).max() == pytest.approx(0.1, rel=1e-3)
     with pytest.raises(MissionError, match=r"missed by|is lost after"):
-        run(arm, "tip_path", options={"radius": 3.0, "duration": 2.0})
+        run(arm, "tip_path", ideal=True, options={"radius": 3.0, "duration": 2.0})
 
 
 def test_the_body_enters_a_port_in_mujoco(arm):
     given = {"port": "1.25,0.08,0.08,1,0,0,0.06", "depth": 0.25, "duration": 25.0, "dt": 0.025}
-    rec = run(arm, "tip_path", options=given)
+    rec = run(arm, "tip_path", ideal=True, options=given)
     assert rec.verdict.passed, rec.verdict.summary()
     assert rec.metrics["port_clearance_m"] > 0.0
     tip = rec.channel("position").values

@@ -180,11 +180,13 @@ def test_body_line_and_its_jacobian_by_differences(arm):
 
 
 def test_servos_lead_the_body_in(arm):
-    recording = run(arm, "tunnel", options={"depth": 0.1, "duration": 4.0})
+    recording = run(arm, "tunnel", ideal=True, options={"depth": 0.1, "duration": 4.0})
     found = recording.metrics
     assert recording.verdict.passed, recording.verdict.summary()
     assert found["body_off_max_m"] == pytest.approx(found["planned_body_off_max_m"], abs=2e-4)
-    lagging = run(arm, "tunnel", options={"depth": 0.1, "duration": 4.0, "lead": "none"})
+    lagging = run(
+        arm, "tunnel", ideal=True, options={"depth": 0.1, "duration": 4.0, "lead": "none"}
+    )
     assert lagging.metrics["position_max_m"] > 10 * found["position_max_m"]
     with pytest.raises(MissionError, match=r"lost .* of 600 mm deep"):
-        run(arm, "tunnel", options={"depth": 0.6})
+        run(arm, "tunnel", ideal=True, options={"depth": 0.6})

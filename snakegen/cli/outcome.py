@@ -10,7 +10,17 @@ MOST_EVENTS = 8  # lines of a failed run; the log has them all
 def result_json(recording: Any, path: Path) -> dict[str, Any]:
     """Returns what --json prints: metrics, facts of the mission, verdict and where the log is."""
     judged = recording.verdict
-    told = ("robot", "mission", "seed", "mode", "gains", "allocator", "ideal", "stopped")
+    told = (
+        "robot",
+        "mission",
+        "seed",
+        "mode",
+        "gains",
+        "allocator",
+        "ideal",
+        "feed_forward",
+        "stopped",
+    )
     keep = (*told, "modal_frequencies_hz", "facts")
     return (
         {k: recording.meta[k] for k in keep if k in recording.meta}
@@ -44,7 +54,9 @@ def result_lines(recording: Any, path: Path) -> list[str]:
     if judged is None:
         return [*lines, "verdict: none"]
     lines += [f"  {check.line()}" for check in judged.checks]
-    return [*lines, f"verdict: {judged.summary()}"]
+    led = recording.meta.get("feed_forward")
+    by = f", with feed-forward {led}" if led else ""
+    return [*lines, f"verdict: {judged.summary()}{by}"]
 
 
 def _events(recording: Any) -> list[str]:

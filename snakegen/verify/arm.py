@@ -14,7 +14,7 @@ import numpy as np
 from snakegen.errors import MissionError
 from snakegen.geometry import Floats
 from snakegen.kinetostatics.along import Along
-from snakegen.kinetostatics.friction import Friction
+from snakegen.verify.arm_plant import ArmPlant
 from snakegen.verify.world import World
 
 LEADS = ("none", "speed", "law")
@@ -71,7 +71,7 @@ def move(
     along: Along,
     gravity: Floats,
     *,
-    friction: Friction,
+    plant: ArmPlant,
     lead: str = "speed",
     simulated: mujoco.MjModel | None = None,
     offset: Floats | float = 0.0,
@@ -88,9 +88,10 @@ def move(
         world: whose timestep is the spacing of `along`.
         along: the motion, at the world's steps.
         gravity: (3,) m/s².
-        friction: of every chain joint, applied as a torque of its rate. (MuJoCo's own dry friction
-            is solved for before the servos' damping, and pushes where that alone, k_v Δt / I
-            above 1, would turn a joint round within the step: measured at 40 mrad/s.)
+        plant: the arm's hardware, which the law does not know. Its friction is applied as a torque
+            of each joint's rate. (MuJoCo's own dry friction is solved for before the servos'
+            damping, and pushes where that alone, k_v Δt / I above 1, would turn a joint round
+            within the step: measured at 40 mrad/s.)
         lead: one of `LEADS`.
         simulated: a model off the nominal values, that commands know nothing of; the world's own
             if absent.
@@ -102,7 +103,8 @@ def move(
     """
     if lead not in LEADS:
         raise MissionError(f"lead: '{lead}' is none of {', '.join(LEADS)}.")
-    model, data = world.model, mujoco.MjData(world.model)
+    model, friction = plant.world(world).model, plant.friction
+    data = mujoco.MjData(model)
     model.opt.gravity[:] = gravity
     at, dof, servo = world.qpos[world.chain], world.qvel[world.chain], world.servos
     stiffness, damping = model.actuator_gainprm[servo, 0], -model.actuator_biasprm[servo, 2]
@@ -114,11 +116,11 @@ def move(
         command += damping / stiffness * np.vstack([along.rates[1:], last])
     if lead == "law":
         command += law / stiffness
-    command += offset
     if simulated is not None:
         model, data = simulated, mujoco.MjData(simulated)
         model.opt.gravity[:] = gravity
-    data.qpos[at], data.qvel[dof] = along.angles[0], along.rates[0]
+    command = _late(along.time, command + offset, plant.delay) - plant.offsets
+    data.qpos[at], data.qvel[dof] = along.angles[0] - plant.offsets, along.rates[0]
     count, wide = len(along.time), len(at)
     qpos = np.zeros((count, model.nq))
     rates, bends, torque, held = np.zeros((4, count, wide))
@@ -147,3 +149,17 @@ def move(
         ticks, qpos[:ticks], rates[:ticks], bends[:ticks], torque[:ticks], held[:ticks],
         inverse[:ticks], contacts[:ticks], stopped,
     )  # fmt: skip
+
+
+def _late(time: Floats, command: Floats, delay: float) -> Floats:
+    """Returns commands (T, k) as they arrive `delay` s later; the first one is there at the start.
+
+    Before the delay is over they go on as they began, so that a motion in mid-course starts so.
+    """
+    if delay <= 0.0 or len(time) < 2:
+        return command
+    slope = (command[1] - command[0]) / (time[1] - time[0])
+    then = time - delay
+    columns = [np.interp(then, time, column) for column in command.T]
+    before = np.minimum(then - time[0], 0.0)[:, None] * slope
+    return np.asarray(np.transpose(columns) + before)

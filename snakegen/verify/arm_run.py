@@ -6,6 +6,7 @@ law's of the motion that the servos made, which needs no tracking to be good (`j
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,22 +24,31 @@ from snakegen.kinetostatics.motion import Motion
 from snakegen.kinetostatics.tip import Tip, find_tip
 from snakegen.robot import Robot
 from snakegen.verify.arm import Moved, move
+from snakegen.verify.arm_plant import draw_arm, expected_tip_error
 from snakegen.verify.metrics import metrics
+from snakegen.verify.monte_carlo import Spread
 from snakegen.verify.recording import Channel, Recording, channel
 from snakegen.verify.world import World, make_world
 from snakegen.verify.worst_place import judged_verdict
 
 STEP = 0.001  # s, of the simulation and of the servos' commands
 LOGGED = 0.002  # s, between rows of the log
+GAP = 0.0035  # of a servo's limit: torque that the law of the motion made may leave unexplained
+TIP_SIGMAS = 2.0  # expected errors of the tip that a run may have
 THRESHOLDS: dict[str, dict[str, Any]] = {
     "completed": {"equals": True},
     "finite": {"equals": True},
     "joint_torque_use": {"at_most": 0.99},
     "joint_tracking_max_rad": {"at_most": 0.05},
     "inverse_gap_share": {"at_most": 1e-9},
-    "made_gap_share": {"at_most": 1e-6},
 }
+IDEAL: dict[str, dict[str, Any]] = {"made_gap_share": {"at_most": 1e-6}}
 FOLLOWS: dict[str, dict[str, Any]] = {"torque_gap_share": {"at_most": 0.01}}
+FEED_FORWARD = {
+    "none": "none: the angle alone",
+    "speed": "speed: what damping takes",
+    "law": "speed and the torque of the model's law",
+}
 
 
 def movable(robot: Robot) -> bool:
@@ -58,9 +68,11 @@ def run_arm(
     *,
     mission: str,
     seed: int,
+    ideal: bool,
     options: Mapping[str, Any],
     tip: Tip | None = None,
     tip_target: Callable[[Floats], Floats] | None = None,
+    tip_bound: float | None = None,
     thresholds: Mapping[str, Any] | None = None,
     facts: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], Any] | None = None,
@@ -71,12 +83,15 @@ def run_arm(
         robot: an arm, as `movable` says.
         motion: of its chain.
         mission: name.
-        seed: kept in the log; nothing here is drawn by chance.
+        seed: of the arm's hardware (`arm_plant.draw_arm`); the same seed gives the same run.
+        ideal: the arm is its model.
         options: of the mission: gravity, lead, friction and its own; ``draw``, ranges and a
-            generator, takes the plant off its nominal values (`arm_trials`).
+            generator, draws the hardware in place of the seed (`arm_trials`).
         tip: the point whose place is logged; the last link's end if absent.
         tip_target: (T,) s → (T, 3) m, where it should be, where that is not simply where the motion
             asked for has it.
+        tip_bound: m, between the tip and its target, of an arm that is its model; others may be
+            off by twice what default imperfections are expected to do (`expected_tip_error`).
         thresholds: of the verdict, over the defaults; None takes a check out.
         facts: what the mission wants in the log, as JSON.
         progress: called with instants run and instants in all.
@@ -87,7 +102,8 @@ def run_arm(
     """
     try:
         gravity = finite(options.get("gravity", "0,0,-9.81"), (3,), "gravity")
-        rub = friction_of(options.get("friction"), robot, motion.joints)
+        known = friction_of(options.get("friction"), robot, motion.joints)
+        rub = known if known.present or options.get("friction") is not None else None
     except AnalysisError as error:
         raise MissionError(str(error)) from None
     world = make_world(robot, timestep=STEP, floor=False)
@@ -95,13 +111,15 @@ def run_arm(
     q = robot.configuration()
     along = torques_along(robot, q, motion, motion.times(1.0 / STEP), gravity=gravity)
     lead = str(options.get("lead", "law"))
-    drawn, plant = _drawn(world, options.get("draw"))
-    if plant is not None:
-        rub = plant.rubbed(rub)
+    drawn, trial = _drawn(world, options.get("draw"))
+    plant = draw_arm(world, rub, seed, ideal=ideal or trial is not None)
+    if trial is not None:
+        plant = replace(plant, friction=trial.rubbed(plant.friction))
+    rub = plant.friction
     moved = move(
-        world, along, gravity, friction=rub, lead=lead,
-        simulated=None if plant is None else plant.model(world),
-        offset=0.0 if plant is None else plant.offset,
+        world, along, gravity, plant=plant, lead=lead,
+        simulated=None if trial is None else trial.model(world),
+        offset=0.0 if trial is None else trial.offset,
         progress=progress,
     )  # fmt: skip
     made = _law_of(world, moved, gravity)
@@ -112,7 +130,9 @@ def run_arm(
         "robot": robot.name,
         "mission": mission,
         "mode": f"servos led by {lead}",
+        "feed_forward": FEED_FORWARD[lead],
         "seed": seed,
+        "ideal": ideal,
         "version": __version__,
         "weight_n": robot.force_scale,
         "urdf": robot.urdf,
@@ -124,12 +144,24 @@ def run_arm(
         "friction_n_m": list(rub.highest),
         "stopped": moved.stopped,
         "planned_s": float(along.time[-1]),
-        "facts": dict(facts or {}),
+        "facts": dict(facts or {})
+        | {"arm_plant": None if ideal or trial is not None else plant.facts(world)},
     } | ({"drawn": drawn} if drawn else {})
     recording = Recording(along.time[rows], channels, (), meta, arm_report(channels))
     found = metrics(recording) | {"completed": not moved.stopped}
     # Friction holds joints back where they turn round: then only the motion made is comparable.
-    bounds = THRESHOLDS | ({} if rub.present or lead != "law" else FOLLOWS) | dict(thresholds or {})
+    bounds: dict[str, Any] = dict(THRESHOLDS)
+    if ideal:
+        bounds |= IDEAL | ({} if rub.present or lead != "law" else FOLLOWS)
+    else:  # independent masses add up to about half of what they would all together
+        use = np.abs(along.torque()) / np.maximum(meta["limits"]["joint_torque"], 1e-12)
+        bounds["made_gap_use"] = {"at_most": GAP + 0.5 * Spread().mass * float(use.max())}
+    if tip_bound is not None:
+        off = 0.0 if ideal else TIP_SIGMAS * expected_tip_error(world, along, end)
+        bounds["position_max_m"] = {"at_most": max(tip_bound, off)}
+    bounds |= dict(thresholds or {})
+    if not ideal and bounds.get("torque_gap_share"):
+        del bounds["torque_gap_share"]
     return recording.judged(found, judged_verdict(recording, found, bounds))
 
 
@@ -139,6 +171,7 @@ def arm_metrics(recording: Recording) -> dict[str, Any]:
     ``torque_gap_share``: the servos' torque and friction against the law of the motion asked for,
     largest over joints and time, as a share of each joint's peak; ``made_gap_share`` against the
     law of the motion made; ``inverse_gap_share``: MuJoCo's inverse dynamics against the law.
+    ``made_gap_use`` is the second gap as a share of each servo's limit.
     ``friction_gap_n_m``: the servos' torque against the law without friction, ``_turning`` within
     50 ms of a joint's turning round, ``_moving`` when it is faster than half its top speed.
     """
@@ -153,6 +186,8 @@ def arm_metrics(recording: Recording) -> dict[str, Any]:
         "inverse_gap_share": recording.channel("joint_torque_inverse").values - law,
     }
     out: dict[str, Any] = {k: float(np.max(np.abs(v) / peak)) for k, v in ways.items()}
+    limit = np.maximum(np.asarray(recording.meta["limits"]["joint_torque"], float), 1e-12)
+    out["made_gap_use"] = float(np.max(np.abs(ways["made_gap_share"]) / limit))
     time = recording.time
     out["joint_torque_rms_n_m"] = np.sqrt(np.trapezoid(servo**2, time, axis=0) / np.ptp(time))
     power = recording.channel("joint_power").values

@@ -16,10 +16,10 @@ from snakegen.geometry import Floats, xyzw_from_wxyz
 from snakegen.robot import Robot
 from snakegen.screw_motion import ScrewGeometry
 from snakegen.screw_robot import drive_geometry, yaw_joints
+from snakegen.verify.drive_hardware import DriveHardware
 from snakegen.verify.drive_load import AWAY, ROLLED
 from snakegen.verify.drive_plan import DrivePlan, rates
 from snakegen.verify.plan import Box
-from snakegen.verify.plant import Imperfections
 from snakegen.verify.screw_contact import ContactDrive, unit_contacts
 from snakegen.verify.screw_plant import drive_kinematic
 
@@ -141,7 +141,8 @@ def run_contact(
     model = contact_model(robot, plan.obstacles, rollers)
     drive = ContactDrive(model, geometry.units, yaws, pitch_joints(robot))
     drive.soften(plan.compliance)
-    noise = _Noise(robot, seed, ideal, len(plan.start))
+    hardware = DriveHardware(robot, seed, len(plan.start), ideal=ideal)
+    hardware.change_bodies(model)
     drive.reset(plan.start)
     out, record = Driven(robot, geometry), _Recorder(robot, drive)
     ticks = round(plan.duration / PERIOD) + 1
@@ -157,9 +158,9 @@ def run_contact(
                 drive.load(*plan.load.at(t), plan.load.link, plan.load.point)
             w = drive.state()
             desired, rate = plan.reference.at(t)
-            u = law.command(noise.of(w), desired, rate)
+            u = law.command(hardware.measured(w, PERIOD), desired, rate)
             record.add(out, t, w, desired, u)
-            drive.step(u, steps)
+            drive.step(hardware.given(u), steps)
             # the body's speed: a wheel of a few grams may well spin fast
             if not float(np.abs(drive.data.qvel[:6]).max()) < _LOST:
                 out.stopped = f"diverged at {t:.2f} s"
@@ -190,26 +191,6 @@ def pitch_joints(robot: Robot) -> tuple[str, ...]:
 
 def _indices(robot: Robot, names: Sequence[str]) -> list[int]:
     return [robot.joint_names.index(n) for n in names]
-
-
-class _Noise:
-    """Sensors of a drive: motion capture of the head, encoders; drawn from one generator."""
-
-    def __init__(self, robot: Robot, seed: int, ideal: bool, size: int) -> None:
-        what = Imperfections.of(robot.modules.plant)
-        what = what.ideal() if ideal else what
-        self.rng = np.random.default_rng(seed)
-        self.position, self.heading = what.position_noise, what.attitude_noise
-        self.constant = np.zeros(size)
-        self.constant[2] = what.attitude_bias * self.rng.standard_normal()
-        self.constant[3:] = what.joint_noise * self.rng.standard_normal(size - 3)
-
-    def of(self, w: Floats) -> Floats:
-        """Returns the measured state."""
-        out = w + self.constant
-        out[:2] += self.position * self.rng.standard_normal(2)
-        out[2] += self.heading * self.rng.standard_normal()
-        return np.asarray(out)
 
 
 class _Recorder:

@@ -16,6 +16,8 @@ def outcome(meta: Dict, found: Dict) -> list[str]:
         found: the metrics.
     """
     facts = {"options": meta.get("options") or {}} | (meta.get("facts") or {})
+    if meta.get("feed_forward"):
+        facts["feed_forward"] = meta["feed_forward"]
     return [line for tell in _TELLERS for line in tell(facts, found)]
 
 
@@ -127,6 +129,21 @@ def _battery(facts: Dict, found: Dict) -> list[str]:
     return ["the battery ran empty on the way: then the rotors stop"] if empty else []
 
 
+def _arm(facts: Dict, found: Dict) -> list[str]:
+    if "feed_forward" not in facts:
+        return []
+    drawn = facts.get("arm_plant")
+    arm = "the arm is its model"
+    if drawn:
+        arm = (
+            f"the arm is not its model: mass {drawn['mass']:.3f} of it, dry friction "
+            f"{drawn['friction_n_m'][0]:.2g} N m, encoders off by up to "
+            f"{1e3 * drawn['encoder_offset_max_rad']:.2g} mrad, commands "
+            f"{1e3 * drawn['delay_s']:.3g} ms late"
+        )
+    return [f"feed-forward: {facts['feed_forward']}; {arm}"]
+
+
 _TELLERS: tuple[Callable[[Dict, Dict], list[str]], ...] = (
     _push,
     _loss,
@@ -136,6 +153,7 @@ _TELLERS: tuple[Callable[[Dict, Dict], list[str]], ...] = (
     _opening,
     _ground_load,
     _battery,
+    _arm,
 )
 
 

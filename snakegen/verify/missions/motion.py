@@ -35,7 +35,7 @@ def fly(
     options: dict[str, Any] | None = None,
     progress: Callable[[int, int], Any] | None = None,
 ) -> Recording:
-    """Runs the motion of a file; there is nothing that `ideal` changes.
+    """Runs the motion of a file.
 
     Raises:
         MissionError: no file.
@@ -47,7 +47,9 @@ def fly(
     motion = motion_of(
         robot, str(given["file"]), duration=given["duration"], ends=str(given["ends"])
     )
-    return run_arm(robot, motion, mission="motion", seed=seed, options=given, progress=progress)
+    return run_arm(
+        robot, motion, mission="motion", seed=seed, ideal=ideal, options=given, progress=progress
+    )
 
 
 def metrics(recording: Recording) -> dict[str, Any]:

@@ -34,11 +34,13 @@ def fly(
     options: dict[str, Any] | None = None,
     progress: Callable[[int, int], Any] | None = None,
 ) -> Recording:
-    """Runs 0.2 sin πt, signs + - + - …, on every joint; there is nothing that `ideal` changes."""
+    """Runs 0.2 sin πt, signs + - + - …, on every joint."""
     given = with_defaults(OPTIONS, options)
     sizes = {k: float(given[k]) for k in ("amplitude", "period", "duration")}
     motion = table3(robot, **sizes)
-    return run_arm(robot, motion, mission="table3", seed=seed, options=given, progress=progress)
+    return run_arm(
+        robot, motion, mission="table3", seed=seed, ideal=ideal, options=given, progress=progress
+    )
 
 
 def metrics(recording: Recording) -> dict[str, Any]:

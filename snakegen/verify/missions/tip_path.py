@@ -47,7 +47,7 @@ def fly(
     options: dict[str, Any] | None = None,
     progress: Callable[[int, int], Any] | None = None,
 ) -> Recording:
-    """Solves the path for the joints, then runs them; there is nothing that `ideal` changes.
+    """Solves the path for the joints, then runs them.
 
     Raises:
         MissionError: a path that cannot be followed to its end: how far it gets, and why.
@@ -86,13 +86,14 @@ def fly(
         motion,
         mission="tip_path",
         seed=seed,
+        ideal=ideal,
         options=given,
         tip=find_tip(robot),
         tip_target=lambda when: np.asarray(target(when)),
         # Where the body begins to make room in a port, joints start at once: the servos' torque
         # is then right for the motion made, not at once for the one asked for.
+        tip_bound=TIP_BOUND,
         thresholds={
-            "position_max_m": {"at_most": TIP_BOUND},
             "port_clearance_m": {"at_least": 0.0} if given["port"] else None,
             "torque_gap_share": None if given["port"] else {"at_most": 0.01},
         },

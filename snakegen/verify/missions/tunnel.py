@@ -50,7 +50,7 @@ def fly(
     options: dict[str, Any] | None = None,
     progress: Callable[[int, int], Any] | None = None,
 ) -> Recording:
-    """Solves the way in, then runs it; there is nothing that `ideal` changes.
+    """Solves the way in, then runs it.
 
     Raises:
         MissionError: a hole that cannot be entered to its end: how deep it gets, and why.
@@ -88,11 +88,12 @@ def fly(
         checked(robot, Motion("tunnel", solved.joints, duration, at)),
         mission="tunnel",
         seed=seed,
+        ideal=ideal,
         options=given,
         tip=find_tip(robot),
         tip_target=target,
+        tip_bound=TIP_BOUND,
         thresholds={
-            "position_max_m": {"at_most": TIP_BOUND},
             "body_off_max_m": {"at_most": float(given["room"])},
         },
         facts={
