@@ -1,5 +1,7 @@
 """Trim before a mission: what it mends, what it leaves alone, and that its end is no bump."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -9,10 +11,12 @@ from snakegen.control.controller import flight_controller
 from snakegen.control.gains import gains_from
 from snakegen.control.poles import loops
 from snakegen.errors import MissionError
+from snakegen.kernels.chain import centre_of_gravity, forward
 from snakegen.kernels.pose_law import integrate
 from snakegen.robot import load
 from snakegen.spec_file import load_spec
 from snakegen.verify.missions import mission
+from snakegen.verify.plant import bounded_normal
 from snakegen.verify.run import prepare, run
 from snakegen.verify.trim import found, integral_rates, trimmed
 
@@ -35,16 +39,23 @@ def flights():
 
 
 def test_a_tilted_imu_pulls_the_cog_off_as_computed_and_trim_mends_it(flights):
-    """Without: g b / K_p. With: what an integral of a time constant of 2 s leaves after 10 s."""
+    """Without: g b / K_p. With: what an integral of a time constant of 2 s leaves after 10 s.
+
+    Besides, the controller sees the CoG b × l off, l from the root to the CoG: no trim mends that.
+    """
     long, short = flights
     rng = np.random.default_rng(1)
     rng.standard_normal(8)  # the rotors' mismatch
-    b = 0.004 * rng.standard_normal(3)
-    expected = 9.81 / 3.6 * np.array([b[1], -b[0]])
-    off = -long.channel("position").values[-1, :2]
-    np.testing.assert_allclose(np.abs(off), np.abs(expected), rtol=0.1)
-    left = short.channel("position").values[-1, :2]
-    assert np.all(np.abs(left) < 0.02 * np.abs(off) + 1e-4)
+    b = 0.004 * bounded_normal(rng, 3)
+    q = prepare(biased(), "hover").plan.start
+    robot = biased()
+    poses = forward(robot.tree, *robot.base_pose(q), robot.angles(q))
+    lever = centre_of_gravity(robot.tree, *poses)[1] - q[:3]
+    unseen = np.cross(b, lever)[:2]
+    off = long.channel("position").values[-1, :2] + unseen
+    np.testing.assert_allclose(off, 9.81 / 3.6 * np.array([-b[1], b[0]]), rtol=0.1)
+    left = short.channel("position").values[-1, :2] + unseen
+    assert np.all(np.abs(left) < 0.02 * np.abs(off).max() + 1e-4)
     held = np.array(short.meta["trim"]["force_integral_m_s2"][:2])
     np.testing.assert_allclose(np.abs(held), 9.81 * np.abs([b[1], b[0]]), rtol=0.05)
 
@@ -69,11 +80,24 @@ def test_the_log_has_the_trim_before_zero_and_figures_begin_at_zero(flights):
 
 
 def test_more_bias_than_the_clamp_holds_is_told():
-    robot = biased("plant.attitude_bias=0.02")
-    flown = run(robot, "hover", seed=1, options=SHORT | {"trim": 10.0})
+    """An IMU ten times as far off as its data sheet, for which the clamps were sized."""
+    ready = prepare(biased("plant.attitude_bias=0.002"), "hover", options=SHORT | {"trim": 10.0})
+    worse = replace(ready.imperfections, attitude_bias=0.02)
+    flown = ready.flown(ready.world(), worse, np.random.default_rng(1), 1)
     assert flown.meta["trim"]["at_clamp"] and "so not trimmed out" in flown.report
     clamp = 0.03 * 2.0
     assert np.abs(flown.meta["trim"]["force_integral_m_s2"][:2]).max() == pytest.approx(clamp)
+
+
+def test_clamps_hold_three_times_the_declared_bias():
+    """g b of 3 x 0.02 rad, over K_i of 0.03: 19.6 m s where the gain set has 2."""
+    robot = biased("plant.attitude_bias=0.02")
+    ready = prepare(robot, "hover", options=SHORT | {"trim": 10.0})
+    limit = ready.controller.law.force_integral_limit
+    np.testing.assert_allclose(limit, [3 * 9.81 * 0.02 / 0.03] * 2 + [2.0], rtol=1e-6)
+    flown = ready.flown(ready.world(), ready.imperfections, np.random.default_rng(1), 1)
+    assert not flown.meta["trim"]["at_clamp"]
+    assert np.abs(flown.meta["trim"]["force_integral_m_s2"][:2]).max() > 0.06
 
 
 def test_integral_rates_are_those_of_a_2_s_integral_where_it_is_slower():
@@ -173,3 +197,19 @@ def test_the_command_line_takes_it_and_logs_it(tmp_path):
     from snakegen.log import read
 
     assert read(log).time[0] == pytest.approx(-1.5)
+
+
+def test_the_page_names_the_missions_that_are_trimmed():
+    from pathlib import Path
+
+    from snakegen.verify.missions import missions
+
+    page = (Path(__file__).parents[1] / "docs/flights.md").read_text(encoding="utf-8")
+    said = page.partition("Missions `transform`")[2].partition("are **trimmed** first")[0]
+    named = {n for n in ("transform`" + said).split("`") if n.isidentifier()}
+    trimmed_ones = set()
+    for name in missions():
+        module = __import__(f"snakegen.verify.missions.{name}", fromlist=["OPTIONS"])
+        if module.OPTIONS.get("trim", [0.0])[0]:
+            trimmed_ones.add(name)
+    assert named == trimmed_ones - {"path"}, "mission files are `path`"

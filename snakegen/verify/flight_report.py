@@ -5,22 +5,15 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.verify.flight_bounds import TABLES
 from snakegen.verify.outcome import outcome
 from snakegen.verify.recording import Recording
 from snakegen.verify.trim import said as said_of
 from snakegen.verify.vibration_metrics import SHAKING
 
-# Tracking errors that ZN23 prints: position x y z [m], attitude roll pitch yaw [rad].
-TABLES: dict[tuple[str, str], tuple[str, tuple[float, ...]]] = {
-    ("transform", "virtual_single_rotor"): (
-        "Table 6",
-        (0.036, 0.038, 0.017, 0.026, 0.033, 0.033),
-    ),
-    ("transform", "dual_rotor"): ("Table 4", (0.076, 0.180, 0.060, 0.033, 0.063, 0.062)),
-    ("ascend", "dual_rotor"): ("5.2.1, ascent to 3 m", (0.099, 0.035, 0.058)),
-}
 _UNITS = {
     "thrust_mismatch": "1 (standard deviation)",
+    "drive_mismatch": "1 (standard deviation)",
     "position_noise": "m",
     "attitude_bias": "rad",
     "attitude_noise": "rad",
@@ -34,8 +27,8 @@ _UNITS = {
     "wind_speed": "m/s",
     "wind_direction": "rad",
     "turbulence": "m/s (standard deviation)",
-    "endurance": "s of hover",
-    "voltage_sag": "1 (share, full to empty)",
+    "battery_energy": "Wh (0: endless)",
+    "voltage_sag": "1 (share lost, full to empty; thrust limits go as its square)",
     "link_stiffness": "N·m/rad (0: rigid)",
     "link_damping": "s",
 }

@@ -68,7 +68,8 @@ def _tracking(recording: Recording, start: float, end: float) -> dict[str, Any]:
             continue
         time, error = recording.times(name), error_of(recording)
         inside = _inside(time, start, end)
-        out[f"{name}_rmse_{unit}"] = _rms(error[inside])
+        out[f"{name}_rmse_{unit}"] = rms = _rms(error[inside])
+        out[f"{name}_rmse_norm_{unit}"] = None if rms is None else np.linalg.norm(rms)
         out[f"{name}_max_{unit}"] = _worst(np.linalg.norm(error[inside], axis=1), np.max)
         out[f"{name}_end_{unit}"] = error[inside][-1] if inside.any() else None
         settled = inside & (time > SETTLED)

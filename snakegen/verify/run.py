@@ -13,6 +13,8 @@ from snakegen.robot import Robot
 from snakegen.verify.before import check_air, check_references, check_start
 from snakegen.verify.blocks import Blocks
 from snakegen.verify.elastic import modal_frequencies
+from snakegen.verify.error_budget import integral_limits
+from snakegen.verify.flight_bounds import tracking_bounds, trim_sigmas
 from snakegen.verify.flight_report import flight_report
 from snakegen.verify.loop import fly
 from snakegen.verify.metrics import metrics
@@ -21,6 +23,7 @@ from snakegen.verify.plan import Plan
 from snakegen.verify.plant import Imperfections, draw
 from snakegen.verify.record import record
 from snakegen.verify.recording import Recording
+from snakegen.verify.reference_limits import check_motion
 from snakegen.verify.trim import trimmed
 from snakegen.verify.verdict import FLIGHT_THRESHOLDS
 from snakegen.verify.vibration import OFF, Damping, check_redundancy, hinges
@@ -94,6 +97,7 @@ class Ready:
             obstacles=self.plan.obstacles,
             link_stiffness=plant.link_stiffness,
             link_damping=plant.link_damping,
+            motor_lag=bool(plant.motor_lag),
         )
 
     def flown(
@@ -148,7 +152,8 @@ class Ready:
         if plan.drawn is not None:
             meta["facts"] = meta["facts"] | plan.drawn(noise.thrust_factor)
         if flown.trimmed:
-            meta["trim"] = flown.trimmed
+            held = trim_sigmas(self.robot, self.controller, plan, flown.trimmed)
+            meta["trim"] = flown.trimmed | {"sigmas": held}
         if imperfections.link_stiffness > 0:
             modes = modal_frequencies(world.model, flown.qpos[0])
             meta["modal_frequencies_hz"] = [round(float(f), 3) for f in modes]
@@ -182,10 +187,17 @@ def prepare(
         given |= {"allocator": allocator, "ideal": ideal}
     plan: Plan = module.plan(robot, rate, **{k: v for k, v in given.items() if k != "trim"})
     check_references(robot, plan)
+    check_motion(robot, controller, plan)
     if "trim" in module.OPTIONS:
         usual = 0.0 if plan.on_floor else module.OPTIONS["trim"][0]
         plan = trimmed(plan, usual if given.get("trim") is None else float(given["trim"]))
     check_start(robot, controller, plan, force=bool(given.get("force")))
+    modes = ("dual_rotor", "virtual_single_rotor")
+    if plan.tracked:
+        bounds: dict[str, dict[str, Any] | None] = tracking_bounds(
+            robot, controller, plan, module.__name__.rsplit(".", 1)[-1], modes[controller.mode]
+        )
+        plan = replace(plan, thresholds=bounds | plan.thresholds)
     damping = Damping.of(control)
     if damping.gain > 0.0:
         check_redundancy(controller, robot.name)
@@ -194,7 +206,9 @@ def prepare(
     if hasattr(module, "plant"):
         imperfections = module.plant(imperfections, given)
     check_air(plan, imperfections)
-    modes = ("dual_rotor", "virtual_single_rotor")
+    if plan.trim or plan.on_floor:
+        force, torque = integral_limits(robot, controller, plan, imperfections)
+        controller = controller.with_law(force_integral_limit=force, torque_integral_limit=torque)
     meta = {
         "mission": module.__name__.rsplit(".", 1)[-1],
         "options": {k: v for k, v in given.items() if v is not None},
@@ -224,6 +238,8 @@ def judge(recording: Recording, plan: Plan) -> Recording:
     """Returns the recording with its metrics and verdict; a run cut short does not pass."""
     found = metrics(recording)
     found["completed"] = not recording.meta["stopped"]
+    if "trim" in recording.meta:
+        found["trim_sigmas"] = max(recording.meta["trim"]["sigmas"])
     bounds = {"completed": {"equals": True}} | FLIGHT_THRESHOLDS | plan.thresholds
     if "saturation_share" in bounds and "gimbal_angle_limit_share" in found:
         bounds["gimbal_angle_limit_share"] = bounds["saturation_share"]
