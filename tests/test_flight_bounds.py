@@ -43,7 +43,8 @@ def test_a_rotor_that_turns_the_wrong_way_is_trimmed_out_but_seen(hover):
     model = copy.copy(world.model)
     model.actuator_gear[world.rotors[0], 5] *= -1.0
     checks = failed(flown(hover, 0, replace(world, model=model)))
-    assert set(checks) == {"trim_sigmas"}
+    assert set(checks) == {"trim_sigmas", "hover_sigmas"}
+    assert checks["hover_sigmas"].worst.part == "yaw"
     assert checks["trim_sigmas"].worst.part == "yaw"
     held = flown(hover, 0, replace(world, model=model)).meta["trim"]["torque_integral_rad_s2"][2]
     usual = flown(hover, 0).meta["trim"]["torque_integral_rad_s2"][2]
@@ -55,6 +56,17 @@ def test_a_rotor_that_turns_the_wrong_way_is_trimmed_out_but_seen(hover):
     yaw = pin.ccrba(inertia, data, q, np.zeros(inertia.nv)) is not None and data.Ig.inertia[2, 2]
     expected = 2.0 * 0.0125 * 8.0 * 9.81 / 8.0 / yaw
     assert abs(held - usual) == pytest.approx(expected, rel=0.15)
+
+
+def test_it_is_seen_without_a_trim_as_well():
+    ready = prepare(load("dragon4"), "hover", options={"duration": 4.0})
+    world = ready.world()
+    model = copy.copy(world.model)
+    model.actuator_gear[world.rotors[0], 5] *= -1.0
+    for seed in (0, 1):
+        assert flown(ready, seed).verdict.passed
+        turned = failed(flown(ready, seed, replace(world, model=model)))
+        assert turned["hover_sigmas"].worst.part == "yaw"
 
 
 @pytest.mark.parametrize("mission", ["hover", "transform"])

@@ -15,13 +15,16 @@ platform unlike this one.
 - ``position_max_m``: the largest error on the way.
 - ``trim_sigmas``: what the integrals hold when trimming ends, in standard deviations of what the
   default plant asks for: a rotor that turns the wrong way is trimmed out, but not unseen.
+- ``hover_sigmas``: the same of the torque that the law asks for on average while a flight stays.
 """
 
 from typing import Any
 
 import numpy as np
 
+from snakegen.analysis.allocation import allocation
 from snakegen.control.controller import Controller
+from snakegen.control.frame import cog_frame
 from snakegen.geometry import Floats
 from snakegen.robot import Robot
 from snakegen.verify.error_budget import expected_errors, sources
@@ -44,6 +47,7 @@ PAPER = 2.0  # standard deviations that a printed figure must allow this body
 MOST = {"position_rmse_m": 0.2, "position_max_m": 0.5, "attitude_rmse_rad": 0.2}
 """m, rad: whatever a body is expected to do, beyond this it is not where it should be."""
 TRIM = 4.0  # standard deviations held by the integrals
+LEAST = 1.0  # s of hover that tell what the law asks for on average
 # Tracking errors that ZN23 prints: position x y z [m], attitude roll pitch yaw [rad].
 TABLES: dict[tuple[str, str], tuple[str, tuple[float, ...]]] = {
     ("transform", "virtual_single_rotor"): (
@@ -89,6 +93,8 @@ def tracking_bounds(
     }
     if plan.trim:
         bounds["trim_sigmas"] = TRIM
+    if stays(plan):
+        bounds["hover_sigmas"] = TRIM
     return {name: {"at_most": bound} for name, bound in bounds.items()}
 
 
@@ -104,6 +110,37 @@ def trim_sigmas(
     usual = sources(robot, controller, plan.joints[0], Imperfections()).acceleration
     spread = np.linalg.norm(usual, axis=1)
     values = np.abs([*held["force_integral_m_s2"], *held["torque_integral_rad_s2"]])
+    return [float(v / s) if s > 1e-9 else 0.0 for v, s in zip(values, spread, strict=True)]
+
+
+def stays(plan: Plan) -> bool:
+    """Tells whether a plan is a hover in one pose and posture, of a second or more."""
+    moves = np.ptp(plan.position, axis=0).max() + np.ptp(plan.joints, axis=0).max(initial=0.0)
+    lasts = float(plan.time[-1] - plan.time[0])
+    return bool(moves < 1e-9 and not plan.on_floor and lasts >= LEAST)
+
+
+def hover_sigmas(
+    robot: Robot, controller: Controller, plan: Plan, wanted: Floats
+) -> list[float] | None:
+    """Returns the torque that a flight which stays asks for, (3,) standard deviations.
+
+    The mean over the second half of the run: what is wrong with the body, however an IMU is tilted.
+    None for a plan that moves, or a run of less than a second.
+
+    Args:
+        robot, controller, plan: of the flight.
+        wanted: (T, 6) N and N m, of the control law, CoG axes.
+    """
+    if not stays(plan) or len(wanted) * float(plan.time[1] - plan.time[0]) < LEAST:
+        return None
+    base, origin = robot.base_pose(plan.start)
+    frame = cog_frame(controller, robot.angles(plan.start), base, origin)
+    a = allocation(robot, plan.start)
+    into = frame.axes.T @ base
+    torque = np.linalg.solve(into @ a.inertia @ into.T, wanted[len(wanted) // 2 :, 3:].mean(axis=0))
+    usual = sources(robot, controller, plan.joints[0], Imperfections()).acceleration
+    spread, values = np.linalg.norm(usual[3:], axis=1), np.abs(torque)
     return [float(v / s) if s > 1e-9 else 0.0 for v, s in zip(values, spread, strict=True)]
 
 

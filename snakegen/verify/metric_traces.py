@@ -103,6 +103,15 @@ def _trim(recording: Recording) -> Trace | None:
     return Trace(np.array([start]), np.array([held], float), _AXES + _TURNS)
 
 
+def _hover(recording: Recording) -> Trace | None:
+    """Returns what the law asks for beside hover, over the second half of the run."""
+    asked = recording.meta.get("hover_sigmas")
+    if asked is None:
+        return None
+    time = recording.time[len(recording.time) // 2 :]
+    return Trace(time, np.repeat(np.array([asked], float), len(time), axis=0), _TURNS)
+
+
 def _floor(recording: Recording) -> Trace | None:
     """Returns the floor's force, else how far the robot is below 0.1 mm."""
     if "floor_contact" in recording.channels:
@@ -217,6 +226,7 @@ _TRACES: dict[str, Callable[[Recording], Trace | None]] = {
     "position_rmse_norm_m": _error("position", mean=True),
     "attitude_rmse_norm_rad": _error("attitude", mean=True),
     "trim_sigmas": _trim,
+    "hover_sigmas": _hover,
     "attitude_rmse_rad": _error("attitude", mean=True),
     "attitude_max_rad": _error("attitude", mean=False),
     "saturation_share": _saturation,

@@ -14,7 +14,7 @@ from snakegen.verify.before import check_air, check_references, check_start
 from snakegen.verify.blocks import Blocks
 from snakegen.verify.elastic import modal_frequencies
 from snakegen.verify.error_budget import integral_limits
-from snakegen.verify.flight_bounds import tracking_bounds, trim_sigmas
+from snakegen.verify.flight_bounds import hover_sigmas, tracking_bounds, trim_sigmas
 from snakegen.verify.flight_report import flight_report
 from snakegen.verify.loop import fly
 from snakegen.verify.metrics import metrics
@@ -154,6 +154,10 @@ class Ready:
         if flown.trimmed:
             held = trim_sigmas(self.robot, self.controller, plan, flown.trimmed)
             meta["trim"] = flown.trimmed | {"sigmas": held}
+        if plan.tracked:
+            asked = hover_sigmas(self.robot, self.controller, plan, flown.wanted)
+            if asked is not None:
+                meta["hover_sigmas"] = asked
         if imperfections.link_stiffness > 0:
             modes = modal_frequencies(world.model, flown.qpos[0])
             meta["modal_frequencies_hz"] = [round(float(f), 3) for f in modes]
@@ -240,6 +244,8 @@ def judge(recording: Recording, plan: Plan) -> Recording:
     found["completed"] = not recording.meta["stopped"]
     if "trim" in recording.meta:
         found["trim_sigmas"] = max(recording.meta["trim"]["sigmas"])
+    if "hover_sigmas" in recording.meta:
+        found["hover_sigmas"] = max(recording.meta["hover_sigmas"])
     bounds = {"completed": {"equals": True}} | FLIGHT_THRESHOLDS | plan.thresholds
     if "saturation_share" in bounds and "gimbal_angle_limit_share" in found:
         bounds["gimbal_angle_limit_share"] = bounds["saturation_share"]
