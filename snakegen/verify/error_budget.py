@@ -84,7 +84,7 @@ def sources(robot: Robot, controller: Controller, joints: Floats, what: Imperfec
 def postures(plan: Plan) -> Floats:
     """Returns joint angles (m, k) of a few postures of a plan, its first one first."""
     rows = plan.joints[plan.trim :]
-    unlike = np.abs(rows - rows[0]).max() > 1e-6
+    unlike = np.abs(rows - rows[0]).max(initial=0.0) > 1e-6
     return rows[np.linspace(0, len(rows) - 1, POSTURES).astype(int)] if unlike else rows[:1]
 
 

@@ -31,7 +31,7 @@ def stream_errors(robot: Robot, controller: Controller, plan: Plan, what: Imperf
     is trimmed there. A shape that stays has 0: what its streams take is taken from the start.
     """
     rows = plan.joints[plan.trim :]
-    still = np.abs(rows - rows[0]).max() <= 1e-6
+    still = np.abs(rows - rows[0]).max(initial=0.0) <= 1e-6
     if what.air_density == 0.0 or not what.downwash or still:
         return np.zeros(6)
     world = make_world(robot, floor=False)
