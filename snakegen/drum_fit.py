@@ -3,6 +3,8 @@
 import math
 from typing import Any
 
+import numpy as np
+
 _RESERVE = 1e-9  # m
 
 
@@ -50,7 +52,7 @@ def _on_links(resolved: dict[str, Any]) -> list[str]:
 
 
 def _neighbours(resolved: dict[str, Any]) -> list[str]:
-    """Rims of drums on both sides of one joint meet at ``tan(θ/2) = (a + b) / 2r``."""
+    """Drums on both sides of a joint, as seen across its axis."""
     part, joint = resolved["screw_drive"], resolved["joint"]
     half, radius = 0.5 * part["length"], part["radius"]
     lengths = resolved["chain"]["length"]
@@ -64,7 +66,7 @@ def _neighbours(resolved: dict[str, Any]) -> list[str]:
             if apart < -_RESERVE:
                 out.append(f"screw_drive.at: drums {k + 1} and {k + 2} overlap by {-apart:.3g} m")
         elif two["link"] == one["link"] + 1:
-            meet = 2.0 * math.atan2(max(behind + ahead, 0.0), 2.0 * radius)
+            meet = _meeting(behind, ahead, radius)
             limit = _bend(joint, one["link"] - 1)
             if meet < limit - 1e-9:
                 out.append(
@@ -72,6 +74,20 @@ def _neighbours(resolved: dict[str, Any]) -> list[str]:
                     f"{math.degrees(meet):.1f}°; its limits allow {math.degrees(limit):.1f}°"
                 )
     return out
+
+
+def _meeting(behind: float, ahead: float, radius: float) -> float:
+    """Returns the bend [rad] at which a rim enters the other drum's rectangle; π if never.
+
+    The rim at distance b ahead of the joint is in the drum that ends a behind it where
+    ``r sin θ - b cos θ ≥ a`` and ``b sin θ + r cos θ ≤ r``, and the other way round.
+    """
+    bend = np.linspace(0.0, math.pi, 3142)
+    sine, cosine = np.sin(bend), np.cos(bend)
+    inside = np.zeros(bend.size, bool)
+    for a, b in ((behind, ahead), (ahead, behind)):
+        inside |= (radius * sine - b * cosine >= a) & (b * sine + radius * cosine <= radius)
+    return float(bend[inside][0]) if inside.any() else math.pi
 
 
 def _bend(joint: dict[str, Any], index: int) -> float:

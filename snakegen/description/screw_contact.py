@@ -115,13 +115,16 @@ def _wheels(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
         body = _body(spec, f"wheel{unit + 1}_{blade}_{wheel}")
         _strip(spec, body)
         _roller(body.add_geom(name=f"{body.name}_contact", type=kind, size=size), contact)
-    _drum(_body(spec, f"screw{unit + 1}"), layout, contact)
+    _drum(spec, _body(spec, f"screw{unit + 1}"), layout, contact)
 
 
-def _drum(body: mujoco.MjsBody, layout: WheelLayout, contact: ScrewContact) -> None:
+def _drum(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, layout: WheelLayout, contact: ScrewContact
+) -> None:
     """Adds the envelope of a drum, which meets other drums and nothing else."""
     half = float(np.abs(layout.position[:, 0]).max()) + layout.radius
     turn = [math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0]  # the cylinder's z along the drum's x
+    _strip(spec, body)
     geom = body.add_geom(
         name=f"{body.name}_envelope",
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,
