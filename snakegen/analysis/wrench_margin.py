@@ -25,6 +25,7 @@ __all__ = [
     "VectoredMargins",
     "analyze",
     "applies",
+    "set_margins",
     "thrust_margins",
     "vectored_margins",
 ]
