@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from snakegen.equivalence_actuators import Actuation, constants, missing
 from snakegen.equivalence_contacts import contacts
-from snakegen.equivalence_pairs import Difference, worst_differences
+from snakegen.equivalence_pairs import SMALLEST, Difference, worst_differences
 from snakegen.equivalence_responses import Bodies, responses
 from snakegen.geometry import Floats, skew, wxyz_from_xyzw
 from snakegen.robot import GRAVITY, Robot
@@ -104,7 +104,7 @@ def compare(
     data = mujoco.MjData(model)
     bodily = len(at.joints) == len(robot.joint_names)
     worst, together = np.zeros(5), [*constants(at), *contacts(at, rollers)]
-    floors = (0.0, 0.0, 0.0, 0.0, _BALANCED * robot.force_scale)
+    floors = (0.0, SMALLEST, 0.0, 0.0, _BALANCED * robot.force_scale)  # rounding of zeros
     for _ in range(states):
         q, v = mapping.random(rng)
         mapping.set_state(data, q, v)

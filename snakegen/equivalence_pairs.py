@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike
 
 from snakegen.geometry import Floats
 
+SMALLEST = 1e-6  # SI units: values below it are compared to it, for zeros have rounding errors
+
 
 @dataclass(frozen=True)
 class Pairs:
@@ -19,6 +21,7 @@ class Pairs:
         columns: (k,) its components with their units.
         declared: (m, k) by the URDF and its modules; infinite where there is no limit.
         mjcf: (m, k) the same, as MuJoCo has it; NaN where it has another kind of thing.
+        scale: size of what the values are sums of, which may cancel.
     """
 
     quantity: str
@@ -26,6 +29,7 @@ class Pairs:
     columns: tuple[str, ...]
     declared: Floats
     mjcf: Floats
+    scale: float
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ def pairs(
     columns: Sequence[str],
     declared: ArrayLike,
     mjcf: ArrayLike,
+    scale: float = 0.0,
 ) -> Pairs:
     """Returns `Pairs` of arrays or nested lists that are reshaped to (names, columns)."""
     shape = (len(names), len(columns))
@@ -62,19 +67,20 @@ def pairs(
         tuple(columns),
         np.array(declared, float).reshape(shape),
         np.array(mjcf, float).reshape(shape),
+        max(scale, SMALLEST),
     )
 
 
 def worst_differences(found: Iterable[Pairs]) -> tuple[Difference, ...]:
     """Returns the largest difference of each quantity of each name, in the order of `found`.
 
-    Error: ``|a - b| / max(|a|, |b|, largest finite entry of that quantity)``, 0 where both are the
-    same, infinite where one of them is infinite or NaN.
+    Error: ``|a - b| / max(|a|, |b|, largest finite entry of that quantity, its scale)``, 0 where
+    both are the same, infinite where one of them is infinite or NaN.
     """
     together = list(found)
     scales: dict[str, float] = {}
     for p in together:
-        entries = np.abs(np.concatenate([p.declared.ravel(), p.mjcf.ravel(), [0.0]]))
+        entries = np.abs(np.concatenate([p.declared.ravel(), p.mjcf.ravel(), [p.scale]]))
         largest = float(entries[np.isfinite(entries)].max())
         scales[p.quantity] = max(scales.get(p.quantity, 0.0), largest)
     worst: dict[tuple[str, str], Difference] = {}
@@ -92,5 +98,4 @@ def _errors(p: Pairs, scale: float) -> Floats:
     with np.errstate(invalid="ignore"):
         gap = np.abs(p.declared - p.mjcf)
     same = (p.declared == p.mjcf) | (gap == 0.0)
-    relative = gap / scale if scale > 0 else gap
-    return np.where(same, 0.0, np.where(np.isfinite(gap), relative, np.inf))
+    return np.where(same, 0.0, np.where(np.isfinite(gap), gap / scale, np.inf))

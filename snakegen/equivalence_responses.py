@@ -136,7 +136,10 @@ def _thrusts(at: Actuation, data: mujoco.MjData, bodies: Bodies) -> Iterator[Pai
     columns = [f"on {n}" for n in at.joints]
     declared = joint_forces(at, bodies)
     if columns:
-        yield pairs("thrust on joints", names, columns, declared, forces[:, at.dofs])
+        point, _ = _rotor_poses(at, bodies)
+        lever = point[:, None] - bodies.position[None]
+        scale = float(np.linalg.norm(lever, axis=2).max())  # m, for 1 N: torques may cancel
+        yield pairs("thrust on joints", names, columns, declared, forces[:, at.dofs], scale)
 
 
 def _pushed(model: mujoco.MjModel, data: mujoco.MjData, rows: list[int], thrust: Floats) -> Floats:

@@ -50,6 +50,32 @@ def test_unchanged_models_agree(name: str, robots: Any) -> None:
     assert 0 < found.actuators < 1e-12
 
 
+def test_rounding_of_zeros_is_no_difference(tmp_path: Path) -> None:
+    """Thrusts that pass through the only joints' axes, and a CoM at the origin of a fixed base."""
+    inertia = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
+    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    parts = ['<link name="base"/>']
+    for side, name in ((0.3, "left"), (-0.3, "right")):
+        parts.append(
+            f'<link name="{name}"><inertial><mass value="1"/>{inertia}</inertial></link>'
+            f'<joint name="{name}_tilt" type="revolute"><parent link="base"/>'
+            f'<child link="{name}"/><origin xyz="0 {side} 0" rpy="0.1 0.2 0.3"/>'
+            f'<axis xyz="0 1 0"/>{limit}</joint>'
+        )
+    (tmp_path / "r.urdf").write_text(f'<robot name="zeros">{"".join(parts)}</robot>')
+    rotors = "".join(
+        f"  - {{roll: {n}_tilt, rotors: [{{link: {n}, thrust_max: 5}}]}}\n"
+        for n in ("left", "right")
+    )
+    (tmp_path / "m.yaml").write_text("apparatuses:\n" + rotors)
+    robot = snakegen.load(tmp_path / "r.urdf", modules=tmp_path / "m.yaml")
+    model = mjcf.decorate(robot.urdf, robot.modules, {}, visuals=False).compile()
+    found = compare(robot, model)
+    assert found.passed, str(found)
+    model.actuator("left").gear[4] = 1e-6
+    assert not compare(robot, model).passed
+
+
 @dataclass(frozen=True)
 class Fault:
     """A change of one entry of a compiled MJCF; the name and quantity that must be reported."""
