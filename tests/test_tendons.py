@@ -114,5 +114,6 @@ def test_what_cannot_be_held_is_not_written(arm, tmp_path):
     with pytest.raises(AnalysisError, match="stiffness"):
         cables.analyze(arm, q, stiffness=0.0, mjcf=path)
     assert not path.exists()
+    (tmp_path / "folder.xml").mkdir()
     with pytest.raises(SnakegenError, match="cannot be written"):
-        cables.analyze(arm, q, mjcf=tmp_path)
+        cables.analyze(arm, q, mjcf=tmp_path / "folder.xml")
