@@ -183,7 +183,8 @@ def _prepare_streams() -> None:
     sys.stdout = _Stdout(buffer, encoding="utf-8", line_buffering=line_buffering)
     if sys.stderr is None:
         sys.stderr = io.TextIOWrapper(os.fdopen(2, "wb"), encoding="utf-8")
-    if locale.getpreferredencoding(False).lower().replace("-", "") != "utf8":
+    encoding = locale.getpreferredencoding(False).lower().replace("-", "")
+    if os.name == "posix" and encoding != "utf8":
         os.execv(sys.executable, [sys.executable, "-X", "utf8", *sys.orig_argv[1:]])
 
 
