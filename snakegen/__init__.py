@@ -3,12 +3,16 @@
 The public surface loads lazily, so that ``import snakegen`` costs nothing.
 """
 
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
+
+TYPE_CHECKING = False  # typing itself takes long enough to import for a Ctrl-C to meet it
 
 __version__ = "0.1.0"
 __all__ = ["Robot", "RobotSpec", "SnakegenError", "build", "convert", "lint", "load"]
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from snakegen.description.lint import lint
     from snakegen.errors import SnakegenError
     from snakegen.generate import build
