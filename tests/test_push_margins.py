@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from snakegen import load
 from snakegen.analysis import wrench_margin
 from snakegen.analysis.allocation import allocation
 from snakegen.analysis.push_margins import servo_bounds
@@ -18,6 +17,8 @@ from snakegen.margins.push_margin import LABELS
 from snakegen.margins.quadric import nearest_exit
 from snakegen.margins.rays import inverse_ray, thrust_ray, vectored_ray
 from snakegen.posture import hover_gimbals
+from snakegen.robot import load
+from snakegen.spec_file import load_spec
 
 BENT = {f"joint{i}_yaw": 1.0 for i in (1, 2, 3)}
 ODD = {
@@ -203,3 +204,56 @@ def test_the_ball_in_a_parallelepiped_or_a_flat_body(flat):
     normals = np.linalg.inv(edges)  # columns: x @ normals is within ±1
     radius = np.min(1.0 / np.linalg.norm(normals, axis=0))
     assert low == pytest.approx(radius, rel=1e-6) and high == pytest.approx(radius, rel=1e-6)
+
+
+def limited(roll, pitch):
+    names = {"roll": roll, "pitch": pitch}
+    changes = [f"vectoring_apparatus.{n}_limit={x}" for n, x in names.items()]
+    return load(load_spec("dragon4", overrides=changes))
+
+
+def worst_share(sets, forces):
+    """Returns the largest share of a limit of thrust, φ or θ that forces (Ñ, 3) take."""
+    local = np.einsum("nji,nj->ni", sets.frames, forces)
+    thrust = np.linalg.norm(local, axis=1)
+    phi = np.abs(np.arctan2(-local[:, 1], local[:, 2])) / sets.phi[:, 1]
+    theta = np.abs(np.arcsin(local[:, 0] / thrust)) / sets.theta[:, 1]
+    return max((thrust / sets.high).max(), phi.max(), theta.max())
+
+
+@pytest.mark.parametrize("limits", [(0.6, 0.6), (1.0, 0.25)])
+def test_gimbal_limits_bound_the_pseudo_inverse(limits):
+    """Every force is within its set along every direction, up to the margin."""
+    robot = limited(*limits)
+    q, found = margins(robot, BENT, "")
+    a, sets = allocation(robot, q), robot.force_sets(q)
+    inverse = np.linalg.pinv(force_map(a.thrust_points, a.drag))
+
+    def share(push, t):
+        return worst_share(sets, (inverse @ (a.hover_wrench - t * push)).reshape(-1, 3))
+
+    kinds = found.push["virtual_single_rotor"].kinds
+    wide = margins(load("dragon4"), BENT, "")[1].push["virtual_single_rotor"].kinds
+    narrower = 0
+    for kind, part in (("force", slice(0, 3)), ("torque", slice(3, 6))):
+        margin = kinds[kind]["pseudo_inverse_thrust"]
+        for push in pushes(margin, part, 300):
+            assert share(push, margin.value * (1 - 1e-6)) <= 1.0
+        narrower += margin.value < 0.9 * wide[kind]["pseudo_inverse_thrust"].value
+    assert narrower >= (limits[1] < 0.5)
+
+
+def test_gimbal_limits_bound_the_exact_margin_within_servo_limits():
+    """dragon4 within 0.05 rad: 4.66 N by a linear program; wide limits leave it as it is."""
+    _, found = margins(limited(0.05, 0.05), BENT, "")
+    force = found.push["virtual_single_rotor"].kinds["force"]
+    assert force["exact_servo"].value == pytest.approx(4.66, abs=0.01)
+    assert force["pseudo_inverse_servo"].value < 4.66
+    assert found.to_json()["prediction"]["force"]["value"] < 4.66
+    _, middle = margins(limited(1.0, 0.25), BENT, "")
+    _, wide = margins(limited(1.5, 1.5), BENT, "")
+    low, high = (
+        m.push["virtual_single_rotor"].kinds["force"]["exact_servo"] for m in (middle, wide)
+    )
+    assert low.value <= high.value <= high.bounds[1] * (1 + 1e-9)
+    assert high.value == pytest.approx(34.48, rel=5e-3)

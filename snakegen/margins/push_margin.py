@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 UNITS = {"force": " N", "torque": " N m", "attitude_altitude": ""}
+OPEN = 0.01  # share by which bounds may differ without a word
 NAMES = {"attitude_altitude": "[f_z; τ]"}
 LABELS = {
     "exact_thrust": "exact, thrust limits",
@@ -38,6 +39,8 @@ class PushMargin:
         if np.isnan(self.value):
             return "hover itself is beyond a limit"
         size = f"{self.value:.4g}{UNITS[kind]}"
+        if self.bounds[1] > (1.0 + OPEN) * self.bounds[0]:
+            size += f" (at most {self.bounds[1]:.4g})"
         if not np.isfinite(self.push).all():
             return size
         parts = [

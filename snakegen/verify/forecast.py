@@ -24,7 +24,7 @@ from snakegen.margins.inputs import force_map
 from snakegen.margins.push_margin import PushMargin, PushMargins
 from snakegen.margins.rays import Reach, thrust_ray, vectored_ray
 from snakegen.margins.thrust import ThrustMargins, thrust_margins
-from snakegen.margins.vectored import VectoredMargins, vectored_margins
+from snakegen.margins.vectored import VectoredMargins, set_margins
 from snakegen.robot import Robot
 from snakegen.verify.loaded import Load, load_on
 from snakegen.verify.reach_loaded import LoadedReach, farthest, follow
@@ -93,7 +93,7 @@ def forecast(
         raise MissionError(f"kind '{kind}': force, torque or wrench is needed.")
     name, a = link or robot.root_link, allocation(robot, q)
     virtual, constrained = controller.mode == VIRTUAL, bool(controller.law.constrained)
-    exact = _exact(robot, a, virtual)
+    exact = _exact(robot, q, a, virtual)
     found = push_margins(robot, q, a, name, exact, TOLERANCE)
     if virtual and kind == "wrench":
         found = _with_wrench(robot, q, a, found, exact)
@@ -117,15 +117,16 @@ def forecast(
     return Forecast(push, margin.value, free, bent.t, margin.at_limit, stopped, name, key)
 
 
-def _exact(robot: Robot, a: Allocation, virtual: bool) -> VectoredMargins | ThrustMargins:
+def _exact(
+    robot: Robot, q: Floats, a: Allocation, virtual: bool
+) -> VectoredMargins | ThrustMargins:
     """Returns the exact margins of a mode within thrust limits."""
     scale: dict[str, Any] = {
         "force_scale": robot.force_scale,
         "torque_scale": robot.torque_scale,
     }
     if virtual:
-        limit = robot.gimbals.limit
-        return vectored_margins(a.thrust_points, limit, a.hover_wrench, drag=a.drag, **scale)
+        return set_margins(robot.force_sets(q), a.hover_wrench, tolerance=TOLERANCE, **scale)
     rotors = robot.rotors
     return thrust_margins(a.dual, rotors.thrust_min, rotors.thrust_max, a.hover_wrench, **scale)
 
@@ -138,14 +139,15 @@ def _with_wrench(
     The exact one within servo limits is the least reach along the weakest directions of the
     others: a figure of that direction, not a certified margin.
     """
-    limit, scale = robot.gimbals.limit, [robot.force_scale, robot.torque_scale]
+    sets, scale = robot.force_sets(q), [robot.force_scale, robot.torque_scale]
     bounds, joints = servo_bounds(robot, q, found.link, True)
-    labels = [f"apparatus {j + 1}" for j in range(limit.size)] + joints
-    units: dict[str, Any] = {"force_scale": scale[0], "torque_scale": scale[1], "drag": a.drag}
-    given = (a.thrust_points, limit, a.hover_wrench)
+    labels = [f"apparatus {j + 1}" for j in range(len(sets))] + joints
+    units: dict[str, Any] = {"force_scale": scale[0], "torque_scale": scale[1]}
+    units |= {"drag": sets.drag, "weights": robot.gimbals.limit, "sets": sets}
+    given = (sets.points, robot.gimbals.limit, a.hover_wrench)
     out = {}
     for key, kept in (("pseudo_inverse_thrust", None), ("pseudo_inverse_servo", bounds)):
-        mine = vectored_controller(*given, weights=limit, bounds=kept, **units)
+        mine = vectored_controller(*given, bounds=kept, **units)
         out[key] = allocator_margin(mine.slices["wrench"], labels)
     low, high = (float(x) for x in exact.wrench_bounds)
     whole = PushMargin(low, (low, high), tuple(-exact.worst("wrench")), ())

@@ -156,12 +156,14 @@ def _informed(
 ) -> dict[str, Any]:
     """Returns the prediction that knows the thrust factors drawn, in multiples of the push.
 
-    In dual-rotor mode the loaded prediction, changed by as much as the rigid one.
+    The prediction (in dual-rotor mode that of the deflected body), changed by as much as the
+    reach along the push changes: of free gimbals, whose limits factors do not move.
     """
     given = (robot, controller, start, found.push, found.link)
-    limit = informed_limit(*given, factors)
+    limit = found.held
     if controller.mode != VIRTUAL and np.isfinite(found.loaded):
-        limit *= found.loaded / informed_limit(*given, np.ones_like(factors))
+        limit = found.loaded
+    limit *= informed_limit(*given, factors) / informed_limit(*given, np.ones_like(factors))
     known = {"held_informed": limit if np.isfinite(limit) else None}
     return {"forecast": found.to_json() | known, "thrust_factors": factors.tolist()}
 
