@@ -16,9 +16,9 @@ from snakegen.geometry import Floats
 from snakegen.kernels.dynamics import DEPTHS, TERMS
 from snakegen.kinetostatics.along import Along, torques_along
 from snakegen.kinetostatics.friction import Friction, friction_of
-from snakegen.kinetostatics.law import DOWN, Depth, Wrenches
-from snakegen.kinetostatics.motion import Motion
-from snakegen.kinetostatics.motion_files import motion_of
+from snakegen.kinetostatics.law import DOWN, Depth, Wrenches, declared_limits
+from snakegen.kinetostatics.motion import Motion, speed_limits
+from snakegen.kinetostatics.motion_files import motion_of, seconds
 from snakegen.robot import Robot
 from snakegen.rounding import significant
 
@@ -125,9 +125,18 @@ class MotionResult:
         ]
         if weak:
             out.append(("overloaded", ", ".join(weak)))
+        unknown = [n for n, m in zip(self.along.joints, self.limit, strict=True) if np.isinf(m)]
+        if unknown:
+            out.append(("no declared effort", ", ".join(unknown)))
         if self.table:
             out.append(("table", self.table))
         return out + self._joint_rows()
+
+    def _share(self, i: int) -> str:
+        """Returns the share of a joint's servo at its peak; "" without a declared effort."""
+        if np.isinf(self.limit[i]):
+            return ""
+        return f"{100 * self.peak[i] / self.limit[i]:.3g} % of its servo, "
 
     def _joint_rows(self) -> list[tuple[str, str]]:
         """Returns a row a joint, the hardest of many."""
@@ -137,8 +146,8 @@ class MotionResult:
             out.append(
                 (
                     self.along.joints[i],
-                    f"{self.peak[i]:.4g} N·m at most ({100 * self.peak[i] / self.limit[i]:.3g} % of"
-                    f" its servo, at {self.peak_time[i]:.3g} s), {self.rms[i]:.4g} RMS, "
+                    f"{self.peak[i]:.4g} N·m at most ({self._share(i)}"
+                    f"at {self.peak_time[i]:.3g} s), {self.rms[i]:.4g} RMS, "
                     f"{power[i]:.3g} W",
                 )
             )
@@ -167,7 +176,7 @@ class MotionResult:
             "peak_Nm": by_joint(self.peak),
             "peak_time_s": by_joint(self.peak_time),
             "rms_Nm": by_joint(self.rms),
-            "limit_Nm": by_joint(self.limit),
+            "limit_Nm": by_joint(self.limit),  # infinite: none declared
             "use": by_joint(self.peak / self.limit),
             "peak_power_W": by_joint(np.abs(self.power).max(axis=0)),
             "peak_rate_rad_s": by_joint(fastest),
@@ -229,7 +238,7 @@ def analyze(
     q = robot.check_q(q)
     names = robot.chain_joints
     start = robot.angles(q)[[robot.joint_names.index(n) for n in names]]
-    lasts = _seconds(duration)
+    lasts = seconds(duration)
     wanted: Motion | str | Path = "table3" if motion is None else motion
     moved = motion_of(robot, wanted, duration=lasts, start=start, ends=ends)
     if gravity is None:
@@ -240,8 +249,6 @@ def analyze(
     )
     summed = {TERMS[k]: float(np.abs(along.terms[k]).sum()) for k in DEPTHS[terms]}
     whole = sum(summed.values())
-    model = robot.model
-    joints = [model.joints[model.getJointId(n)] for n in names]
     result = MotionResult(
         moved.name,
         along,
@@ -249,8 +256,8 @@ def analyze(
         _vector(gravity),
         rub,
         along.torque(terms) + rub.torque(along.rates),
-        robot.limits(names)[2],
-        np.array([float(model.upperVelocityLimit[j.idx_v]) for j in joints]),
+        declared_limits(robot, names),
+        speed_limits(robot, names),
         {depth: np.abs(along.torque(depth)).max(axis=0) for depth in DEPTHS},
         {k: x / whole if whole > 0 else 0.0 for k, x in summed.items()},
         "" if table is None else str(table),
@@ -288,13 +295,3 @@ def _vector(value: ArrayLike) -> Floats:
     from snakegen.kinetostatics.law import finite
 
     return finite(value, (3,), "gravity")
-
-
-def _seconds(value: float | str | None) -> float | None:
-    """Returns a duration that may come as text from the command line."""
-    if value is None:
-        return None
-    try:
-        return float(value)
-    except ValueError:
-        raise AnalysisError(f"duration: '{value}' is no number of seconds.") from None

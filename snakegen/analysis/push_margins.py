@@ -43,7 +43,8 @@ def servo_bounds(robot: Robot, q: Floats, link: str, virtual: bool) -> tuple[Bou
     """
     loads = joint_loads(robot, q, link)
     kept = np.flatnonzero(np.isfinite(loads.limit) & (loads.limit > 0.0))
-    rows = loads.forces.reshape(len(loads.limit), -1) if virtual else loads.rotors
+    columns = 3 * robot.gimbals.limit.size
+    rows = loads.forces.reshape(len(loads.limit), columns) if virtual else loads.rotors
     bounds = Bounds(rows[kept], loads.bias[kept], loads.disturbance[kept], loads.limit[kept])
     return bounds, [loads.names[i] for i in kept]
 

@@ -17,15 +17,16 @@ from snakegen.kinetostatics.law import (
     DOWN,
     Depth,
     Wrenches,
+    declared_limits,
     joint_torques,
     torque_terms,
     twist_matrix,
 )
+from snakegen.kinetostatics.statics_rows import bears, joint_rows
 from snakegen.kinetostatics.support import hold_up
 from snakegen.kinetostatics.tip import TipLoad, find_tip, plain, tip_load, tip_pose
 from snakegen.kinetostatics.worst import worst_posture
 from snakegen.robot import Robot
-from snakegen.rounding import significant
 
 __all__ = ["StaticsResult", "analyze", "applies", "joint_torques", "twist_matrix", "worst_posture"]
 
@@ -109,7 +110,10 @@ class StaticsResult:
         out.append(("consists of", ", ".join(shares) or "nothing: no load"))
         if self.overloaded:
             out.append(("overloaded", ", ".join(self.overloaded)))
-        if self.tip_load is not None:
+        unknown = [n for n, m in zip(self.joints, self.limit, strict=True) if np.isinf(m)]
+        if unknown:
+            out.append(("no declared effort", f"{', '.join(unknown)}: no share of a limit"))
+        if self.tip_load is not None and len(unknown) < len(self.joints):
             out += self._tip_rows(self.tip_load)
         if self.worst is not None:
             use = f"{100 * self.worst['use']:.3g} % of {self.worst['joint']}"
@@ -117,7 +121,7 @@ class StaticsResult:
             if self.worst["use_bound"] is not None:
                 most = f"no posture takes more than {100 * self.worst['use_bound']:.4g} %"
                 out.append(("", f"{most} of any joint (proved)"))
-        return out + self._joint_rows()
+        return out + joint_rows(self.joints, self.torque, self.limit, self.use)
 
     def _worst_angles(self) -> str:
         """Returns the chain's angles of the worst posture; gimbals follow from them in hover."""
@@ -129,21 +133,6 @@ class StaticsResult:
             ", gimbals pointed up" if self.gimbals and self.worst["support"] != "base" else ""
         )
 
-    def _joint_rows(self) -> list[tuple[str, str]]:
-        """Returns a row a joint, hardest first."""
-        loaded = np.flatnonzero(self.use > 1e-9)
-        order = loaded[np.argsort(-significant(self.use[loaded]), kind="stable")]
-        out = []
-        for i in order[:_SHOWN]:
-            what = f"{self.torque[i]:+.4g} N·m of {self.limit[i]:.4g} ({100 * self.use[i]:.3g} %)"
-            out.append((self.joints[i], what))
-        if len(order) > _SHOWN:
-            out.append(("", f"and {len(order) - _SHOWN} joints with less"))
-        driven = (self.limit > 0) & np.isfinite(self.limit)  # a free wheel carries no load
-        if free := int(np.sum(driven & (self.use <= 1e-9))):
-            out.append(("no load", f"{free} joints"))
-        return out
-
     def _tip_rows(self, load: TipLoad) -> list[tuple[str, str]]:
         """Returns the rows about the tip."""
         if load.payload == 0.0:
@@ -152,10 +141,13 @@ class StaticsResult:
         # A free body gives way, or its rotors answer anew: neither is what was worked out here.
         how = " (root held)" if self.flies else ""
         any_wrench = f"{load.wrench_radius:.4g} N in every direction of [force; torque / "
+        any_wrench += f"{load.lever:.3g} m] (limit: {load.wrench_joint})"
+        if np.isinf(load.wrench_radius):
+            any_wrench = "of any size: no limit is declared that it reaches"
         return [
-            (f"tip bears{how}", _bears(load.force_radius, "N", load.force_joint, load.free)),
-            ("", _bears(load.torque_radius, "N·m", "", load.torque_free)),
-            ("  any wrench", f"{any_wrench}{load.lever:.3g} m] (limit: {load.wrench_joint})"),
+            (f"tip bears{how}", bears(load.force_radius, "N", load.force_joint, load.free)),
+            ("", bears(load.torque_radius, "N·m", "", load.torque_free)),
+            ("  any wrench", any_wrench),
             (
                 f"tip carries{how}",
                 "any weight" if np.isinf(load.payload) else f"{load.payload:.4g} kg",
@@ -193,7 +185,6 @@ _SUPPORTS = {
     "dual": "dual-rotor hover, gimbals as they stand",
     "thrust": "thrust as given",
 }
-_SHOWN = 12  # joints in a table; a longer robot shows its hardest
 
 
 def applies(robot: Robot) -> bool:
@@ -248,7 +239,7 @@ def analyze(
     if held.kind != "base":
         by_term["thrust"] = push[first:]
     total = depths[terms]
-    limit = robot.limits(robot.joint_names)[2]
+    limit = declared_limits(robot, robot.joint_names)
     S = twist_matrix(robot, q)
     sigma = np.asarray(np.linalg.svd(S, compute_uv=False), float)
     end = find_tip(robot, tip, tip_point)
@@ -277,16 +268,6 @@ def analyze(
         robot.gimbal_names,
         rolls,
     )
-
-
-def _bears(radius: float, unit: str, joint: str, free: Floats) -> str:
-    """Returns what the tip bears in every direction, and along what no joint feels a thing."""
-    out = f"{radius:.4g} {unit} in every direction" + (f" (limit: {joint})" if joint else "")
-    if np.isinf(radius):
-        return f"any {'force' if unit == 'N' else 'torque'}: no joint feels it"
-    signed = [u * np.sign(u[np.argmax(np.abs(u))]) for u in free.T]  # either sense is the same
-    along = " and ".join("[" + " ".join(f"{x + 0.0:.2f}" for x in u) + "]" for u in signed)
-    return out + (f"; along {along} no joint feels it" if along else "")
 
 
 def _use(torque: Floats, limit: Floats) -> Floats:

@@ -5,7 +5,7 @@ on a rotor's body like any other.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -191,6 +191,15 @@ def rotor_wrenches(robot: Robot, q: Floats, thrust: ArrayLike) -> Floats:
 def armature(robot: Robot) -> Floats:
     """Returns each joint's armature (n,) [kg m²]."""
     return np.array(robot.model.armature, float)[6 if robot.floating else 0 :]
+
+
+def declared_limits(robot: Robot, names: Sequence[str]) -> Floats:
+    """Returns servo limits (k,) [N m] of joints; inf where the description declares none.
+
+    An effort of 0 declares none: exporters write it where nobody gave a figure.
+    """
+    effort = robot.limits(names)[2]
+    return np.where(effort > 0.0, effort, np.inf)
 
 
 def segments(robot: Robot) -> Ints:

@@ -215,7 +215,8 @@ def checked(robot: Robot, motion: Motion) -> Motion:
 def speed_limits(robot: Robot, names: tuple[str, ...]) -> Floats:
     """Returns the servos' speed limits (k,) [rad/s]."""
     joints = [robot.model.joints[robot.model.getJointId(n)] for n in names]
-    return np.array([float(robot.model.upperVelocityLimit[j.idx_v]) for j in joints])
+    found = np.array([float(robot.model.upperVelocityLimit[j.idx_v]) for j in joints])
+    return np.where(found > 0.0, found, np.inf)  # 0 is an exporter's way to declare none
 
 
 def _start(robot: Robot, start: ArrayLike | None) -> Floats:

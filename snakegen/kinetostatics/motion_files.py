@@ -108,3 +108,13 @@ def _read_csv(path: Path) -> tuple[Any, dict[str, Any]]:
                     f"{path.name}, line {line}: {head[j]} is '{cell}', not a finite number."
                 )
     return values[:, 0], dict(zip(head[1:], values[:, 1:].T, strict=True))
+
+
+def seconds(value: float | str | None) -> float | None:
+    """Returns a duration that may come as text from the command line."""
+    if value is None:
+        return None
+    try:
+        return float(value)
+    except ValueError:
+        raise AnalysisError(f"duration: '{value}' is no number of seconds.") from None

@@ -15,7 +15,15 @@ from snakegen.errors import AnalysisError
 from snakegen.geometry import Floats
 from snakegen.kernels.dynamics import EXTERNAL, GRAVITY
 from snakegen.kernels.inverse_dynamics import torques_batch
-from snakegen.kinetostatics.law import DOWN, Wrenches, armature, finite, link_loads, torque_terms
+from snakegen.kinetostatics.law import (
+    DOWN,
+    Wrenches,
+    armature,
+    declared_limits,
+    finite,
+    link_loads,
+    torque_terms,
+)
 from snakegen.kinetostatics.support import Hold, hold_up
 from snakegen.kinetostatics.worst_bound import use_bound
 from snakegen.posture import angles_by_name, hover_gimbals, set_angle
@@ -139,13 +147,17 @@ def worst_posture(
     angles too: `analyze` gives the same use there.
 
     Raises:
-        AnalysisError: limits that are not finite, servo limits of 0, no posture that can hover.
+        AnalysisError: limits that are not finite, no chain joint or none with a declared effort, no
+            posture that can hover.
     """
     q = robot.check_q(q)
     names = robot.chain_joints
-    lower, upper, limit = robot.limits(names)
-    if np.any(limit <= 0):
-        raise AnalysisError(f"{robot.name}: a chain joint has an effort limit of 0.")
+    if not names:
+        raise AnalysisError(f"{robot.name} has no joint that shapes it: every posture is the same.")
+    lower, upper, _ = robot.limits(names)
+    limit = declared_limits(robot, names)
+    if np.all(np.isinf(limit)):
+        raise AnalysisError(f"{robot.name}: no joint declares an effort; give one in its <limit>.")
     given: dict[str, Any] = {"wrenches": wrenches, "gravity": gravity}
     kind = hold_up(robot, q, hold=hold, thrust=thrust, **given).kind
     if kind == "base":

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from snakegen.geometry import Floats
 from snakegen.kernels.chain import forward
 from snakegen.kernels.sublinear import grid, highest, turned_table, twisting_table
-from snakegen.kinetostatics.law import DOWN, Wrenches, finite, link_loads
+from snakegen.kinetostatics.law import DOWN, Wrenches, declared_limits, finite, link_loads
 from snakegen.robot import Robot
 
 SPACING = 48  # cells along an edge of the cube
@@ -57,7 +57,7 @@ def use_bound(
     bodies = [robot.body_of_joint(n) for n in names]
     if any(robot.tree.prismatic[b] for b in bodies):
         return None
-    lower, upper, limit = robot.limits(names)
+    (lower, upper, _), limit = robot.limits(names), declared_limits(robot, names)
     direction, parts = _parts(robot, q, bodies, wrenches, finite(gravity, (3,), "gravity"))
     points = grid(spacing)
     most = [np.zeros(points.shape[:-1]) for _ in parts]  # of S beyond each joint, then of the use
