@@ -19,7 +19,7 @@ from snakegen.analysis import catalogue
 from snakegen.cli import HELP, cli
 from snakegen.files import INTERRUPTED, folder_whole, on_interrupt
 from snakegen.robot import load
-from snakegen.spec_file import presets
+from snakegen.spec_file import load_spec, presets
 
 HEAVY = ("numpy", "scipy", "pinocchio", "mujoco", "numba", "pydantic", "rerun", "matplotlib")
 
@@ -164,7 +164,8 @@ def test_examples_of_analyses_work(run, tmp_path: Path) -> None:
     """What stands after a command in its help names a robot that suits, and options it has."""
     for entry in catalogue().values():
         robot, *rest = entry.example.split()
-        assert entry.load().applies(load(robot)), entry.example
+        sets = [rest[k + 1] for k, word in enumerate(rest) if word == "--set"]
+        assert entry.load().applies(load(load_spec(robot, overrides=sets))), entry.example
         flags = [word for word in rest if word.startswith("--")]
         text = run("analyze", entry.command, "--help").out
         assert all(f"{flag} " in text for flag in flags), entry.example
