@@ -222,3 +222,11 @@ def block_diagonal(turns):
     for j, turn in enumerate(turns):
         out[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] = turn.T
     return out
+
+
+@pytest.mark.parametrize("case", ["one_axis_tilt", "tricopter"])
+def test_the_page_of_a_body_without_chain_joints(case):
+    robot = snakegen.load(DATA / f"{case}.urdf", modules=DATA / f"{case}.modules.yaml")
+    page = wrench_margin.analyze(robot, robot.configuration())
+    found = page.vectored["force"].value
+    assert np.isnan(found) if case == "tricopter" else 19.9 < found <= 19.96
