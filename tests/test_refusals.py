@@ -50,7 +50,7 @@ REFUSED = [
     ("analyze dragon4 --modules m.yaml", 1, "--modules goes with a URDF"),
     ("analyze drive dragon4", 1, "'drive' does not apply to dragon4; it needs: "),
     ("analyze actuation arm6", 1, "'actuation' does not apply to arm6; it needs: "),
-    ("analyze flight dragon4 --mission nope", 1, "there is no mission 'nope'. Known: "),
+    ("analyze flight dragon4 --mission xyzzy", 1, "there is no mission 'xyzzy'. Known: "),
     ("analyze flight dragon4 --mission hover --option x=1", 1, "has no option 'x'"),
     ("analyze flight dragon4 --mission hover --duration -1", 1, "more than 0 is needed"),
     ("analyze flight dragon4 --duration 1e9", 1, "dragon4: a run of 1e+09 s would take 1.6e+06 GB"),

@@ -67,5 +67,7 @@ def read_urdf(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise DescriptionError(f"{path}: no such file.") from None
+    except IsADirectoryError:
+        raise DescriptionError(f"{path}: is a folder.") from None
     except (OSError, UnicodeDecodeError) as error:
         raise DescriptionError(f"{path}: cannot be read ({error}).") from None
