@@ -9,9 +9,9 @@ import numpy as np
 
 import snakegen
 from snakegen.analysis import tunnel
-from snakegen.kinetostatics.worst import worst_posture
-from snakegen.kinetostatics.worst_bound import use_bound
-from snakegen.verify.run import run
+from snakegen.simulation.flight.run import run
+from snakegen.statics.worst import worst_posture
+from snakegen.statics.worst_bound import use_bound
 
 
 def hardest() -> None:

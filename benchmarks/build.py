@@ -14,17 +14,20 @@ from pathlib import Path
 from typing import Any
 
 import snakegen
-from snakegen import equivalence, robot
-from snakegen.description import lint, mjcf, mjcf_files, urdf
-from snakegen.spec_file import load_spec
+from snakegen.description.mjcf import decorate, files
+from snakegen.linter import lint
+from snakegen.pipeline import equivalence
+from snakegen.robot import robot
+from snakegen.spec import urdf
+from snakegen.spec.loading import load_spec
 
 STAGES = {
     "xacro": (urdf, "expand"),
     "lint": (lint, "lint"),
     "read": (robot, "from_urdf_text"),
-    "MJCF": (mjcf, "decorate"),
-    "write": (mjcf_files, "write"),
-    "load": (mjcf_files, "load_model"),
+    "MJCF": (decorate, "decorate"),
+    "write": (files, "write"),
+    "load": (files, "load_model"),
     "gate": (equivalence, "compare"),
 }
 BARS = {4: 0.5, 64: 4.0}  # s

@@ -13,14 +13,14 @@ from collections.abc import Callable
 import numpy as np
 
 import snakegen
+from snakegen.base.geometry import rotation_about, skew
 from snakegen.control import switch
 from snakegen.control.controller import Controller, flight_controller
 from snakegen.control.frame import cog_frame
-from snakegen.geometry import rotation_about, skew
-from snakegen.kernels.control_types import Measured, State, Target
-from snakegen.robot import Robot
-from snakegen.verify.forecast import forecast
-from snakegen.verify.postures import driven_joints, place
+from snakegen.kernels.control.types import Measured, State, Target
+from snakegen.robot.robot import Robot
+from snakegen.simulation.flight.postures import driven_joints, place
+from snakegen.simulation.push.prediction import forecast
 
 POSTURE = {"joint1_yaw": 0.8, "joint2_yaw": 0.8, "joint3_yaw": 0.8, "joint1_pitch": 0.3}
 

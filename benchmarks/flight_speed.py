@@ -15,13 +15,13 @@ import numpy as np
 
 from snakegen.control.controller import flight_controller
 from snakegen.log import write
-from snakegen.robot import load
-from snakegen.verify.loop import Flown, fly
-from snakegen.verify.missions.hover import plan as hover
-from snakegen.verify.plan import Plan
-from snakegen.verify.plant import Imperfections, draw
-from snakegen.verify.record import record
-from snakegen.verify.world import World, make_world
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.loop import Flown, fly
+from snakegen.simulation.flight.plan import Plan
+from snakegen.simulation.flight.plant import Imperfections, draw
+from snakegen.simulation.flight.world import World, make_world
+from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.simulation.recording.record import record
 
 
 def bare(world: World, plan: Plan, flown: Flown) -> float:

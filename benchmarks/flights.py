@@ -13,9 +13,9 @@ import argparse
 
 import numpy as np
 
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
-from snakegen.verify.run import run
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.run import run
+from snakegen.spec.loading import load_spec
 
 LEVEL = ["plant.attitude_bias=0"]
 LATE = ["plant.delay=0.02", "vectoring_apparatus.motor_lag=0.06"]

@@ -21,8 +21,8 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from snakegen.margins.force_sets import ForceSets
-from snakegen.margins.vectored import set_margins
+from snakegen.wrench_margins.force_sets import ForceSets
+from snakegen.wrench_margins.vectored import set_margins
 
 LENGTH, WEIGHT = 0.42, 19.62
 WHOLE = np.array([-np.pi, np.pi])

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 import snakegen
-from snakegen.spec_file import load_spec
+from snakegen.spec.loading import load_spec
 
 LINKS = (1, 2, 4, 8, 16, 64, 240, 400)
 COLUMNS = ("mass", "centre_of_mass", "frames", "mass_matrix", "bias")

@@ -18,9 +18,9 @@ from scipy.spatial.transform import Rotation
 
 import snakegen
 from snakegen.log import read, write
-from snakegen.verify.metrics import metrics
-from snakegen.verify.recording import Event, Recording, channel
-from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
+from snakegen.simulation.recording.metrics import metrics
+from snakegen.simulation.recording.recording import Event, Recording, channel
+from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS, verdict
 
 
 def dragon_flight(seconds: float = 60.0, rate: float = 200.0) -> Recording:

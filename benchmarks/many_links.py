@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from snakegen.errors import SnakegenError
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
-from snakegen.verify.recording import Recording
-from snakegen.verify.run import run
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.run import run
+from snakegen.simulation.recording.recording import Recording
+from snakegen.spec.loading import load_spec
 
 PLACES = {
     "every link": lambda n: ",".join(str(k) for k in range(1, n + 1)),

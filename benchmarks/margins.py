@@ -23,10 +23,10 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
-from snakegen.kernels.postures import dual_postures
-from snakegen.margins.inner_ball import inner_ball
-from snakegen.posture import hover_gimbals
-from snakegen.robot import GRAVITY, load
+from snakegen.kernels.margins.posture_batch import dual_postures
+from snakegen.robot.posture import hover_gimbals
+from snakegen.robot.robot import GRAVITY, load
+from snakegen.wrench_margins.inner_ball import inner_ball
 
 
 def timed(function, *arguments, repeats=5, **options):

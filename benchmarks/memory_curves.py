@@ -42,7 +42,7 @@ def curve(words: list[str], file: Path) -> tuple[list[float], list[float], float
 
 def draw(path: Path, title: str, curves: dict[str, tuple[list[float], list[float], float]]) -> None:
     """Draws memory over time, a curve a command."""
-    from snakegen.plot_style import save
+    from snakegen.picture.style import save
 
     def fill(figure) -> None:
         axes = figure.add_subplot()

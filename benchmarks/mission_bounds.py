@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from snakegen.errors import SnakegenError
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
-from snakegen.verify.missions import mission as find
-from snakegen.verify.run import prepare, run
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.run import prepare, run
+from snakegen.simulation.missions import mission as find
+from snakegen.spec.loading import load_spec
 
 LATE = ["plant.delay=0.02", "vectoring_apparatus.motor_lag=0.06"]
 DUAL = ["control.mode=dual_rotor"]

@@ -12,14 +12,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from snakegen.errors import SnakegenError
-from snakegen.posture import angles_by_name
-from snakegen.robot import Robot, load
-from snakegen.spec_file import load_spec
-from snakegen.verify.clearance import clearances
-from snakegen.verify.postures import driven_joints, place
-from snakegen.verify.recording import Recording
-from snakegen.verify.run import prepare
-from snakegen.verify.world import make_world
+from snakegen.robot.posture import angles_by_name
+from snakegen.robot.robot import Robot, load
+from snakegen.simulation.flight.postures import driven_joints, place
+from snakegen.simulation.flight.run import prepare
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.recording.clearance import clearances
+from snakegen.simulation.recording.recording import Recording
+from snakegen.spec.loading import load_spec
 
 NARROW = tuple(f"vectoring_apparatus.{axis}_limit" for axis in ("roll", "pitch"))
 CASES = (

@@ -9,8 +9,8 @@ import numpy as np
 
 from snakegen.analysis import actuation
 from snakegen.analysis import wrench_margin as margin
-from snakegen.posture import hover_gimbals
-from snakegen.robot import Robot, load
+from snakegen.robot.posture import hover_gimbals
+from snakegen.robot.robot import Robot, load
 
 PLANAR = np.deg2rad(60.0)
 

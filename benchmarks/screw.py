@@ -12,20 +12,27 @@ from dataclasses import replace
 
 import numpy as np
 
-from snakegen.control.screw import ScrewLaw
-from snakegen.description.screw_chain import BareChain, screw_mjcf
-from snakegen.description.screw_contact import ScrewContact
-from snakegen.kernels.screw import follow
-from snakegen.paths import FollowReference, TimeLaw, l_crank, path_length, path_pieces, square
-from snakegen.robot import load
-from snakegen.screw_law import constraint_matrices, wheel_rates
-from snakegen.screw_motion import hara_chain
-from snakegen.screw_singularity import search_hold
-from snakegen.spec_file import load_spec
-from snakegen.verify.drive import contact_model
-from snakegen.verify.run import run
-from snakegen.verify.screw_contact import ContactDrive, drive_contact, measured_twist
-from snakegen.verify.screw_plant import drive_kinematic
+from snakegen.description.mjcf.rolling_contact import ScrewContact
+from snakegen.description.mjcf.screw_chain import BareChain, screw_mjcf
+from snakegen.kernels.screw.constraints import follow
+from snakegen.robot.robot import load
+from snakegen.screw_drive.constraints import constraint_matrices, wheel_rates
+from snakegen.screw_drive.ground_paths import (
+    FollowReference,
+    TimeLaw,
+    l_crank,
+    path_length,
+    path_pieces,
+    square,
+)
+from snakegen.screw_drive.kinematics import hara_chain
+from snakegen.screw_drive.singularity import search_hold
+from snakegen.screw_drive.tracking import ScrewLaw
+from snakegen.simulation.drive.contact_plant import ContactDrive, drive_contact, measured_twist
+from snakegen.simulation.drive.kinematic_plant import drive_kinematic
+from snakegen.simulation.drive.run import contact_model
+from snakegen.simulation.flight.run import run
+from snakegen.spec.loading import load_spec
 
 ALPHA = (-math.pi / 4, math.pi / 4, -math.pi / 4, math.pi / 4)
 PAPER = (0.075, 0.0, 0.103, 0.123)

@@ -20,13 +20,13 @@ from scipy.linalg import solve_banded
 import snakegen
 from snakegen.analysis import cables, reach
 from snakegen.analysis.statics import joint_torques
+from snakegen.base.geometry import skew
 from snakegen.errors import AnalysisError
-from snakegen.geometry import skew
-from snakegen.kernels.chain import forward
-from snakegen.kernels.dynamics import DEPTHS, torque_terms, torque_terms_batch
-from snakegen.kernels.inverse_dynamics import NO_LOADS, torques_batch
-from snakegen.kernels.tree import Tree
-from snakegen.verify.run import run
+from snakegen.kernels.core.types import Tree
+from snakegen.kernels.dynamics.inverse_dynamics import NO_LOADS, torques_batch
+from snakegen.kernels.dynamics.torque_terms import DEPTHS, torque_terms, torque_terms_batch
+from snakegen.kernels.kinematics.chain import forward
+from snakegen.simulation.flight.run import run
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 LENGTH = 0.1

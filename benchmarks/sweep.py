@@ -62,7 +62,7 @@ def main() -> None:
     import numpy as np
     import pyarrow.parquet as pq
 
-    from snakegen.robot import load
+    from snakegen.robot.robot import load
     from snakegen.sweep.run import sweep
     from snakegen.sweep.samples import draw, sampling
 

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
-from snakegen.verify.run import run
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.run import run
+from snakegen.spec.loading import load_spec
 
 STRAIGHT: dict[str, float] = {}
 ARC = {"joint1_yaw": 0.5, "joint2_yaw": 0.5, "joint3_yaw": 0.5}

@@ -10,10 +10,10 @@ import argparse
 from typing import Any
 
 from snakegen.errors import MissionError
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
-from snakegen.verify.recording import Recording
-from snakegen.verify.run import run
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.run import run
+from snakegen.simulation.recording.recording import Recording
+from snakegen.spec.loading import load_spec
 
 STIFF = ["joint.servo.stiffness=1000", "control.rate_filter=5"]  # these ring at 11 Hz with 10 Hz
 PLUCK = {"dragon4": 20.0, "dragon3": 5.0}  # N; dragon3 is lost beyond, rigid as well

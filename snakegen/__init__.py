@@ -13,20 +13,20 @@ __all__ = ["Robot", "RobotSpec", "SnakegenError", "build", "convert", "lint", "l
 if TYPE_CHECKING:
     from typing import Any
 
-    from snakegen.description.lint import lint
     from snakegen.errors import SnakegenError
-    from snakegen.generate import build
+    from snakegen.linter.lint import lint
+    from snakegen.pipeline.build import build
     from snakegen.pipeline.convert import convert
-    from snakegen.robot import Robot, load
-    from snakegen.spec import RobotSpec
+    from snakegen.robot.robot import Robot, load
+    from snakegen.spec.robot_spec import RobotSpec
 
 _HOME = {
-    "build": "snakegen.generate",
+    "build": "snakegen.pipeline.build",
     "convert": "snakegen.pipeline.convert",
-    "lint": "snakegen.description.lint",
-    "load": "snakegen.robot",
-    "Robot": "snakegen.robot",
-    "RobotSpec": "snakegen.spec",
+    "lint": "snakegen.linter.lint",
+    "load": "snakegen.robot.robot",
+    "Robot": "snakegen.robot.robot",
+    "RobotSpec": "snakegen.spec.robot_spec",
     "SnakegenError": "snakegen.errors",
 }
 

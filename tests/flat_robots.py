@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from snakegen.geometry import rotation_about
-from snakegen.kernels.tree import Gimbals, Rotors, Tree
+from snakegen.base.geometry import rotation_about
+from snakegen.kernels.core.types import Gimbals, Rotors, Tree
 
 X, Y, Z = np.eye(3)
 

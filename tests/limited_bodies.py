@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from snakegen.margins.force_sets import ForceSets
+from snakegen.wrench_margins.force_sets import ForceSets
 
 WHOLE = [-np.pi, np.pi]
 

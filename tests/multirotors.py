@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import snakegen
-from snakegen.robot import Robot
+from snakegen.robot.robot import Robot
 
 INERTIA = '<inertia ixx="{0}" iyy="{0}" izz="{1}" ixy="0" ixz="0" iyz="0"/>'
 

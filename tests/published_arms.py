@@ -3,7 +3,7 @@
 import numpy as np
 from flat_robots import FlatRobot, X, Z, _pack
 
-from snakegen.kernels.tree import Tree
+from snakegen.kernels.core.types import Tree
 
 LENGTHS = np.array([0.294, *[0.218] * 5])  # Table 2, m
 INERTIAS = 1e-6 * np.array(  # Table 4, kg m²: two transverse values and the axial one

@@ -1,6 +1,6 @@
 """A screw drive's URDF written plainly, for tests that must not rest on the templates."""
 
-from snakegen.wheel_layout import wheel_layout
+from snakegen.spec.wheel_layout import wheel_layout
 
 _LIMIT = '<limit lower="-0.7854" upper="0.7854" effort="30" velocity="1.0"/>'
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from snakegen.verify.recording import Event, Recording, channel
+from snakegen.simulation.recording.recording import Event, Recording, channel
 
 _LINK = """
  <link name="{name}">

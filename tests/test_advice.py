@@ -5,10 +5,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from snakegen.advice import warnings
-from snakegen.description.urdf import urdf_text
-from snakegen.robot import load
-from snakegen.spec_file import load_spec, presets
+from snakegen.robot.robot import load
+from snakegen.spec.loading import load_spec, presets
+from snakegen.spec.urdf import urdf_text
+from snakegen.spec.warnings import warnings
 
 
 @pytest.mark.parametrize("name", sorted(presets()))

@@ -8,12 +8,12 @@ import numpy as np
 
 import snakegen
 from snakegen.analysis.allocation import allocation
-from snakegen.kernels.borrowed import borrowed
-from snakegen.kernels.history import farthest_rows, maps_history
-from snakegen.kernels.jit import jit
+from snakegen.kernels.core.jit import jit
+from snakegen.kernels.core.stack_arrays import borrowed
+from snakegen.kernels.flight.run_history import farthest_rows, maps_history
 from snakegen.log import skeleton as sk
 from snakegen.log.body import drawable
-from snakegen.verify.missions.hover import plan as hover
+from snakegen.simulation.missions.flight.hover import plan as hover
 
 
 def test_rows_that_stand_out_are_those_of_numpy():

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 import snakegen
-from snakegen.kernels.twist import tip_jacobian
-from snakegen.kinetostatics.along import torques_along
-from snakegen.kinetostatics.friction import Friction
-from snakegen.kinetostatics.table3 import table3
-from snakegen.kinetostatics.tip import find_tip
-from snakegen.verify.arm import _late
-from snakegen.verify.arm_plant import draw_arm, expected_tip_error
-from snakegen.verify.outcome import outcome
-from snakegen.verify.run import run
-from snakegen.verify.world import make_world
+from snakegen.inverse_kinematics.friction import Friction
+from snakegen.inverse_kinematics.torques_along import torques_along
+from snakegen.inverse_kinematics.zs24_table3 import table3
+from snakegen.kernels.kinematics.jacobians import tip_jacobian
+from snakegen.simulation.arm.loop import _late
+from snakegen.simulation.arm.plant import draw_arm, expected_tip_error
+from snakegen.simulation.flight.run import run
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.recording.summary import outcome
+from snakegen.statics.tip import find_tip
 
 SLOW = {"duration": 4.0}
 
@@ -84,7 +84,7 @@ def test_without_feed_forward_the_tip_fails_and_the_joint_is_named(arm):
 
 def test_a_link_half_as_heavy_again_is_seen_and_its_joint_named(arm, monkeypatch):
     """The law of the motion made misses what the link weighs more."""
-    from snakegen.verify import arm_run
+    from snakegen.simulation.arm import run as arm_run
 
     honest = arm_run.draw_arm
 

@@ -7,10 +7,10 @@ import pytest
 
 import snakegen
 from snakegen.cli import main
-from snakegen.spec_file import load_spec
-from snakegen.verify.arm_trials import ArmSpread, arm_trials, draw
-from snakegen.verify.monte_carlo import wilson
-from snakegen.verify.world import make_world
+from snakegen.simulation.arm.trials import ArmSpread, arm_trials, draw
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.monte_carlo import wilson
+from snakegen.spec.loading import load_spec
 
 LOADED = {"duration": 0.4, "gravity": "0,0,-9.81"}
 

@@ -5,11 +5,11 @@ import pytest
 
 import snakegen
 from snakegen.analysis import hover
+from snakegen.control.power import FIGURE_OF_MERIT
 from snakegen.errors import SpecError
-from snakegen.posture import hover_gimbals
-from snakegen.power import FIGURE_OF_MERIT
-from snakegen.robot import Robot
-from snakegen.spec_file import load_spec
+from snakegen.robot.posture import hover_gimbals
+from snakegen.robot.robot import Robot
+from snakegen.spec.loading import load_spec
 
 
 def analysed(*overrides: str, name: str = "dragon4") -> tuple[Robot, hover.Hover]:

@@ -11,12 +11,13 @@ from snakegen.control.controller import flight_controller
 from snakegen.control.frame import cog_frame
 from snakegen.control.switch import check_mode
 from snakegen.errors import MissionError, SnakegenError
-from snakegen.kernels.control_types import DUAL, VIRTUAL
-from snakegen.spec_file import load_spec
-from snakegen.verify.before import check_start
-from snakegen.verify.missions import hover, mission
-from snakegen.verify.postures import place, resting_joints
-from snakegen.verify.run import prepare
+from snakegen.kernels.control.types import DUAL, VIRTUAL
+from snakegen.simulation.flight.postures import place, resting_joints
+from snakegen.simulation.flight.preflight import check_start
+from snakegen.simulation.flight.run import prepare
+from snakegen.simulation.missions import mission
+from snakegen.simulation.missions.flight import hover
+from snakegen.spec.loading import load_spec
 
 
 @pytest.fixture(scope="module")

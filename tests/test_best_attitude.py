@@ -8,7 +8,7 @@ import pytest
 import snakegen
 from snakegen.analysis import attitude, wrench_margin
 from snakegen.errors import AnalysisError
-from snakegen.posture import hover_gimbals
+from snakegen.robot.posture import hover_gimbals
 
 GENERATED = Path(__file__).parent.parent / "generated"
 BENT = {"joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw": 1.0}

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import snakegen
-from snakegen import generate
 from snakegen.analysis.allocation import allocation
-from snakegen.equivalence import BOUND, compare
+from snakegen.base.geometry import wxyz_from_xyzw
 from snakegen.errors import SnakegenError
-from snakegen.geometry import wxyz_from_xyzw
-from snakegen.spec_file import load_spec, presets
+from snakegen.pipeline import build
+from snakegen.pipeline.equivalence import BOUND, compare
+from snakegen.spec.loading import load_spec, presets
 
 SHAPES = {
     "floating": ("dragon4", {}),
@@ -40,7 +40,7 @@ SHAPES = {
 
 
 @pytest.fixture(scope="module")
-def dragon(tmp_path_factory: pytest.TempPathFactory) -> generate.Build:
+def dragon(tmp_path_factory: pytest.TempPathFactory) -> build.Build:
     """dragon4, built without a picture."""
     return snakegen.build("dragon4", tmp_path_factory.mktemp("b") / "dragon4", picture=False)
 
@@ -92,7 +92,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_the_gate_catches(fault: str, dragon: generate.Build) -> None:
+def test_the_gate_catches(fault: str, dragon: build.Build) -> None:
     """A small change of the MJCF alone is far above the bound."""
     robot = snakegen.load(dragon.urdf)
     model = mujoco.MjModel.from_xml_path(str(dragon.mjcf))
@@ -113,17 +113,17 @@ def test_a_failed_gate_fails_the_build(tmp_path: Path, monkeypatch: pytest.Monke
     target = tmp_path / "r"
     snakegen.build("dragon4", target, picture=False)
     before = _files(target)
-    from snakegen.description import mjcf
+    from snakegen.description.mjcf import decorate
 
-    right = mjcf.decorate
+    right = decorate.decorate
 
     def wrong(*args: Any, **kwargs: Any) -> mujoco.MjSpec:
         spec = right(*args, **kwargs)
         spec.joint("joint2_yaw").axis = [0.0, 0.1, 1.0]
         return spec
 
-    monkeypatch.setattr(mjcf, "decorate", wrong)
-    with pytest.raises(generate.GateError, match=r"URDF and MJCF disagree by") as caught:
+    monkeypatch.setattr(decorate, "decorate", wrong)
+    with pytest.raises(build.GateError, match=r"URDF and MJCF disagree by") as caught:
         snakegen.build("dragon4", target, picture=False)
     assert caught.value.exit_code == 3
     assert _files(target) == before
@@ -144,7 +144,7 @@ def test_half_way_leaves_the_old(
     def stop(*_: Any) -> None:
         raise failure
 
-    monkeypatch.setattr(generate, "_write_mjcf", stop)
+    monkeypatch.setattr(build, "_write_mjcf", stop)
     expected = SnakegenError if isinstance(failure, OSError) else KeyboardInterrupt
     with pytest.raises(expected) as caught:
         snakegen.build(load_spec("dragon4", links=2), target, picture=False)
@@ -188,7 +188,7 @@ def test_mesh_uri(tmp_path: Path) -> None:
         snakegen.build("dragon4", tmp_path / "r", picture=False, mesh_uri="http")
 
 
-def test_the_mjcf_is_ready_to_simulate(dragon: generate.Build) -> None:
+def test_the_mjcf_is_ready_to_simulate(dragon: build.Build) -> None:
     """Free joint, sites, rotors with drag in the gear, servos with limits, sensors, keyframes …"""
     model = mujoco.MjModel.from_xml_path(str(dragon.scene))
     robot = snakegen.load(dragon.urdf)
@@ -216,7 +216,7 @@ def test_the_mjcf_is_ready_to_simulate(dragon: generate.Build) -> None:
         assert model.body(name).id > 0
 
 
-def test_nothing_touches_at_home(dragon: generate.Build) -> None:
+def test_nothing_touches_at_home(dragon: build.Build) -> None:
     """In both keyframes no pair of bodies collides but for the robot standing on the floor."""
     model = mujoco.MjModel.from_xml_path(str(dragon.scene))
     data = mujoco.MjData(model)

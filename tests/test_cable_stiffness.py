@@ -11,16 +11,11 @@ import snakegen
 from snakegen.analysis import cables
 from snakegen.cli import main
 from snakegen.errors import AnalysisError, SpecError
-from snakegen.kernels.cables import Holes
-from snakegen.kinetostatics.cable_holding import least_holding_tension, stiffness_of
-from snakegen.kinetostatics.cable_stiffness import (
-    PointLoad,
-    cable_geometry,
-    chain_of,
-    load_stiffness,
-)
-from snakegen.kinetostatics.law import joint_torques
-from snakegen.spec_file import load_spec
+from snakegen.kernels.cables.cables import Holes
+from snakegen.spec.loading import load_spec
+from snakegen.statics.cable_holding import least_holding_tension, stiffness_of
+from snakegen.statics.cable_stiffness import PointLoad, cable_geometry, chain_of, load_stiffness
+from snakegen.statics.joint_torques import joint_torques
 
 DOWN = np.array([0.0, 0.0, -9.81])
 
@@ -53,7 +48,7 @@ def differences(path, joints, step=1e-5):
 @pytest.mark.parametrize("base", ["fixed", "{pose: any, rpy: [0.4, -0.7, 0.2]}"])
 def test_stiffness_is_mujocos_finite_difference(seed, base, tmp_path, monkeypatch):
     """Cables, their tension and gravity, on any base, to 1e-6 of the largest entry."""
-    monkeypatch.setattr("snakegen.kinetostatics.cabled.let_go", lambda *_: (0.0, 0.0, None, 0.0))
+    monkeypatch.setattr("snakegen.statics.cabled.let_go", lambda *_: (0.0, 0.0, None, 0.0))
     arm = snakegen.load(load_spec("arm6", overrides=[f"base={base}"]))
     rng = np.random.default_rng(seed)
     found = cables.analyze(

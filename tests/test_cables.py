@@ -8,7 +8,7 @@ from scipy.optimize import linprog
 import snakegen
 from snakegen.analysis import cables, motion
 from snakegen.errors import AnalysisError
-from snakegen.kernels.cables import balance, lengths_and_rates
+from snakegen.kernels.cables.cables import balance, lengths_and_rates
 
 
 @pytest.fixture(scope="module")

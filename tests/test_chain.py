@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 from flat_robots import random_rotation, random_tree
 
-from snakegen.geometry import quaternion_xyzw, skew
-from snakegen.kernels import chain
+from snakegen.base.geometry import quaternion_xyzw, skew
+from snakegen.kernels.kinematics import chain
 
 
 def pinocchio_model(tree):

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import snakegen
-from snakegen.verify.clearance import clearances
-from snakegen.verify.postures import place, resting_joints
-from snakegen.verify.world import make_world
+from snakegen.simulation.flight.postures import place, resting_joints
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.recording.clearance import clearances
 
 
 @pytest.mark.parametrize("name", ["dragon3", "dragon4"])

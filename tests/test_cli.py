@@ -16,10 +16,10 @@ from click.testing import CliRunner
 
 from snakegen import __version__
 from snakegen.analysis import catalogue
+from snakegen.base.atomic_io import INTERRUPTED, folder_whole, on_interrupt
 from snakegen.cli import HELP, cli
-from snakegen.files import INTERRUPTED, folder_whole, on_interrupt
-from snakegen.robot import load
-from snakegen.spec_file import load_spec, presets
+from snakegen.robot.robot import load
+from snakegen.spec.loading import load_spec, presets
 
 HEAVY = ("numpy", "scipy", "pinocchio", "mujoco", "numba", "pydantic", "rerun", "matplotlib")
 
@@ -180,7 +180,7 @@ def test_too_heavy_is_said_with_a_number(run) -> None:
 
 def test_a_failed_check_exits_3(run, monkeypatch: pytest.MonkeyPatch) -> None:
     """A build whose gate fails exits 3, as any check that ran and failed."""
-    from snakegen import equivalence
+    from snakegen.pipeline import equivalence
 
     monkeypatch.setattr(equivalence, "BOUND", 0.0)
     found = run("build", "dragon4", "--no-picture")

@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 import snakegen
 import snakegen.robot
 from snakegen.analysis import reach, tunnel
-from snakegen.description.mjcf import decorate
+from snakegen.description.mjcf.decorate import decorate
 from snakegen.errors import AnalysisError
-from snakegen.kinetostatics.collisions import Collisions, Obstacle, obstacles_of
-from snakegen.spec_file import load_spec
+from snakegen.inverse_kinematics.collisions import Collisions, Obstacle, obstacles_of
+from snakegen.spec.loading import load_spec
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +115,6 @@ def test_meshes_that_cannot_be_read_are_said_to_be_left_out(arm, tmp_path):
     )  # fmt: skip
     path = tmp_path / "arm.urdf"
     path.write_text(text)
-    robot = snakegen.robot.from_urdf_text(text, path, checked=True)
+    robot = snakegen.robot.robot.from_urdf_text(text, path, checked=True)
     found = Collisions(robot).nearest(np.zeros((1, 12)), robot.joint_names)
     assert found.note.startswith("not checked") and found.to_json()["collision_free"] is None

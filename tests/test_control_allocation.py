@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 from flat_robots import FlatRobot, X, Y, Z, random_rotation, snake
 
+from snakegen.base.geometry import rotation_about
 from snakegen.control import fully_actuated, switch, underactuated
 from snakegen.control.controller import Controller, ControlRefused, check_mounts, law_of
 from snakegen.control.frame import cog_frame
 from snakegen.control.gains import Gains
-from snakegen.geometry import rotation_about
-from snakegen.kernels import chain, vectoring, wrench_map
-from snakegen.kernels import fully_actuated as kernel
-from snakegen.kernels.control_types import DUAL, VIRTUAL
+from snakegen.kernels.allocation import fully_actuated as kernel
+from snakegen.kernels.allocation import gimbals as vectoring
+from snakegen.kernels.allocation import wrench_map
+from snakegen.kernels.control.types import DUAL, VIRTUAL
+from snakegen.kernels.kinematics import chain
 
 LENGTH, G = 0.42, 9.81
 

@@ -7,14 +7,14 @@ from flat_robots import random_rotation, snake
 from test_control_allocation import G, controller_of, true_wrench
 
 import snakegen
+from snakegen.base.geometry import rotation_from_rpy, unskew
 from snakegen.control import pose, switch
 from snakegen.control.controller import flight_controller
 from snakegen.control.frame import cog_frame
 from snakegen.control.gains import Gains, gains_from
 from snakegen.errors import SpecError
-from snakegen.geometry import rotation_from_rpy, unskew
-from snakegen.kernels import chain
-from snakegen.kernels.control_types import DUAL, REFUSED, VIRTUAL, Measured, Target
+from snakegen.kernels.control.types import DUAL, REFUSED, VIRTUAL, Measured, Target
+from snakegen.kernels.kinematics import chain
 
 TABLE_3 = {
     "force_p": [4.0, 3.0, 5.6],

@@ -9,8 +9,8 @@ from test_control_allocation import controller_of
 from snakegen.control import constrained, fully_actuated
 from snakegen.control.frame import cog_frame
 from snakegen.errors import AnalysisError
-from snakegen.kernels.ascent import Bounded, ascend
-from snakegen.kernels.balls import BALL_STAGES, near_allocation
+from snakegen.kernels.allocation.ball_allocation import BALL_STAGES, near_allocation
+from snakegen.kernels.allocation.dual_newton import Bounded, ascend
 
 LENGTH, G = 0.42, 9.81
 

@@ -7,10 +7,10 @@ from flat_robots import snake
 from test_control_allocation import G, controller_of
 from test_control_flight import TABLE_3, TUNED, Rigid, bent_angles, target_at
 
+from snakegen.base.geometry import rotation_from_rpy
 from snakegen.control.gains import Gains
 from snakegen.control.poles import loops, settling_times
-from snakegen.geometry import rotation_from_rpy
-from snakegen.kernels.control_types import DUAL, VIRTUAL
+from snakegen.kernels.control.types import DUAL, VIRTUAL
 
 
 def test_table_3_gains_diverge_as_their_poles_say():

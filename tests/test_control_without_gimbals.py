@@ -10,13 +10,13 @@ from test_control_poles import closed_loop_matrix
 
 import snakegen
 from snakegen.analysis import control
+from snakegen.base.geometry import rotation_from_xyzw, rpy_from_rotation
 from snakegen.control.controller import MODES, flight_controller
 from snakegen.control.gain_sets import gain_set, turned_axes
 from snakegen.control.gimbal_reach import vectoring_share
 from snakegen.control.poles import flight_loops
-from snakegen.geometry import rotation_from_xyzw, rpy_from_rotation
-from snakegen.kernels.control_types import DUAL
-from snakegen.verify.run import run
+from snakegen.kernels.control.types import DUAL
+from snakegen.simulation.flight.run import run
 
 PLUS = (0.0, 90.0, 180.0, 270.0)
 NONE = (None,) * 4

@@ -12,7 +12,7 @@ import pytest
 import snakegen
 from snakegen.cli import main
 from snakegen.errors import DescriptionError, SnakegenError
-from snakegen.generate import GateError
+from snakegen.pipeline.build import GateError
 
 BODY = (
     '<inertial><origin xyz="{x} 0 0" rpy="0.3 0 0"/><mass value="{m}"/>'
@@ -120,7 +120,7 @@ def test_a_mesh_that_is_too_fine_for_stl_is_written_as_obj(tmp_path: Path) -> No
     (tmp_path / "fine.stl").write_bytes(b" " * 80 + struct.pack("<I", count) + rows.tobytes())
     text = ARM.replace("text.stl", "fine.stl")
     (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
-    from snakegen.description.urdf_import import importable
+    from snakegen.description.mjcf.urdf_import import importable
 
     assert list(importable(text, tmp_path).assets) == ["meshes/fine.obj"]
 

@@ -15,21 +15,21 @@ from scipy.spatial import ConvexHull
 
 from snakegen import log
 from snakegen.errors import AnalysisError, MissionError, SnakegenError
-from snakegen.robot import load
-from snakegen.screw_robot import drive_geometry
-from snakegen.spec_file import load_spec
-from snakegen.verify.drive import contact_model, run_contact
-from snakegen.verify.drive_gait import Pace, crossing, reaches
-from snakegen.verify.drive_plan import DrivePlan, curled, following
-from snakegen.verify.drive_record import drive, judge
-from snakegen.verify.drive_stance import Heights, Stance, depth
-from snakegen.verify.ground import pipe
-from snakegen.verify.join import join
-from snakegen.verify.missions import missions
-from snakegen.verify.missions.lcrank import first_state
-from snakegen.verify.missions.pipe import fitted
-from snakegen.verify.plan import Box
-from snakegen.verify.run import run
+from snakegen.robot.robot import load
+from snakegen.screw_drive.geometry import drive_geometry
+from snakegen.simulation.drive.gait import Pace, crossing, reaches
+from snakegen.simulation.drive.plan import DrivePlan, curled, following
+from snakegen.simulation.drive.record import drive, judge
+from snakegen.simulation.drive.run import contact_model, run_contact
+from snakegen.simulation.drive.stance import Heights, Stance, depth
+from snakegen.simulation.flight.plan import Box
+from snakegen.simulation.flight.run import run
+from snakegen.simulation.missions import missions
+from snakegen.simulation.missions.drive.lcrank import first_state
+from snakegen.simulation.missions.drive.pipe import fitted
+from snakegen.simulation.obstacles import pipe
+from snakegen.simulation.recording.join import join
+from snakegen.spec.loading import load_spec
 
 
 @pytest.fixture(scope="module")

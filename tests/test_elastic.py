@@ -11,14 +11,14 @@ import snakegen
 from snakegen.cli.flight import flight
 from snakegen.cli.inspect import inspect
 from snakegen.errors import DescriptionError
-from snakegen.robot import load
-from snakegen.spec import RobotSpec
-from snakegen.spec_file import load_spec
-from snakegen.verify.elastic import modal_frequencies, split_links
-from snakegen.verify.missions.hover import plan as hover
-from snakegen.verify.run import run
-from snakegen.verify.wiring import stations
-from snakegen.verify.world import make_world
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.elastic import modal_frequencies, split_links
+from snakegen.simulation.flight.mujoco_arrays import stations
+from snakegen.simulation.flight.run import run
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.spec.loading import load_spec
+from snakegen.spec.robot_spec import RobotSpec
 
 
 @pytest.mark.parametrize("name", ["dragon4", "dragon3"])

@@ -11,14 +11,14 @@ import pytest
 
 import snakegen
 from snakegen.analysis.allocation import allocation
-from snakegen.description import mjcf
-from snakegen.equivalence import BOUND, _Own, _Pinocchio, compare
-from snakegen.equivalence_actuators import Actuation
-from snakegen.equivalence_responses import joint_forces, unit_wrenches
+from snakegen.description.mjcf import decorate
 from snakegen.errors import SnakegenError
-from snakegen.generate import GateError
-from snakegen.robot import Robot, from_urdf_text
-from snakegen.spec_file import load_spec
+from snakegen.pipeline.build import GateError
+from snakegen.pipeline.equivalence import BOUND, _Own, _Pinocchio, compare
+from snakegen.pipeline.equivalence_actuators import Actuation
+from snakegen.pipeline.equivalence_responses import joint_forces, unit_wrenches
+from snakegen.robot.robot import Robot, from_urdf_text
+from snakegen.spec.loading import load_spec
 
 DATA = Path(__file__).parent / "data"
 BALL = {"rollers": "ball"}
@@ -32,7 +32,7 @@ def made(name: str) -> tuple[Robot, mujoco.MjSpec]:
         robot = snakegen.load(load_spec("screw4", overrides=["screw_drive.rollers=ball"]))
     else:
         robot = snakegen.load(name)
-    return robot, mjcf.decorate(robot.urdf, robot.modules, {}, visuals=False)
+    return robot, decorate.decorate(robot.urdf, robot.modules, {}, visuals=False)
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,7 @@ def test_rounding_of_zeros_is_no_difference(tmp_path: Path) -> None:
     )
     (tmp_path / "m.yaml").write_text("apparatuses:\n" + rotors)
     robot = snakegen.load(tmp_path / "r.urdf", modules=tmp_path / "m.yaml")
-    model = mjcf.decorate(robot.urdf, robot.modules, {}, visuals=False).compile()
+    model = decorate.decorate(robot.urdf, robot.modules, {}, visuals=False).compile()
     found = compare(robot, model)
     assert found.passed, str(found)
     model.actuator("left").gear[4] = 1e-6
@@ -275,7 +275,7 @@ def test_declared_wrenches_are_those_of_q(name: str, robots: Any) -> None:
 @pytest.mark.parametrize("change", ["rotor1_1", "joint1_yaw"])
 def test_the_build_fails(change: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A flipped gear, or a servo of twice the stiffness: exit 3, no folder, both values named."""
-    right = mjcf.decorate
+    right = decorate.decorate
 
     def wrong(*args: Any, **kwargs: Any) -> mujoco.MjSpec:
         spec = right(*args, **kwargs)
@@ -284,7 +284,7 @@ def test_the_build_fails(change: str, tmp_path: Path, monkeypatch: pytest.Monkey
                 actuator.gear = [-x for x in actuator.gear]
         return spec
 
-    monkeypatch.setattr(mjcf, "decorate", wrong)
+    monkeypatch.setattr(decorate, "decorate", wrong)
     with pytest.raises(GateError, match=rf"{change}: .* in the URDF, .* in the MJCF") as caught:
         snakegen.build("dragon4", tmp_path / "r", picture=False)
     assert caught.value.exit_code == 3 and isinstance(caught.value, SnakegenError)
@@ -293,7 +293,7 @@ def test_the_build_fails(change: str, tmp_path: Path, monkeypatch: pytest.Monkey
 
 def test_kept_balls_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The MJCF that is kept for rollers 'ball' is compared too, not only the one with wheels."""
-    right = mjcf.decorate
+    right = decorate.decorate
 
     def wrong(*args: Any, **kwargs: Any) -> mujoco.MjSpec:
         spec = right(*args, **kwargs)
@@ -301,7 +301,7 @@ def test_kept_balls_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
             spec.geom("screw1_contact").friction = [0.1, 0, 0]
         return spec
 
-    monkeypatch.setattr(mjcf, "decorate", wrong)
+    monkeypatch.setattr(decorate, "decorate", wrong)
     spec = load_spec("screw4", links=2, overrides=["screw_drive.rollers=ball"])
     with pytest.raises(GateError, match="screw1_contact: contact friction"):
         snakegen.build(spec, tmp_path / "r", picture=False)
@@ -315,7 +315,7 @@ def test_friction_of_the_urdf_reaches_the_servo() -> None:
     text = head + name + rest.replace("</joint>", dynamics, 1)
     robot = from_urdf_text(text, None, modules=DATA / "foreign.modules.yaml")
     assert {s.joint: s.friction for s in robot.modules.servos}["nod_b"] == 0.2
-    spec = mjcf.decorate(robot.urdf, robot.modules, {}, visuals=False)
+    spec = decorate.decorate(robot.urdf, robot.modules, {}, visuals=False)
     found = compare(robot, spec.compile())
     assert found.passed, str(found)
     dof = spec.compile().joint("nod_b").dofadr[0]
@@ -324,5 +324,5 @@ def test_friction_of_the_urdf_reaches_the_servo() -> None:
     ignored = replace(
         robot.modules, servos=tuple(replace(s, friction=0.0) for s in robot.modules.servos)
     )
-    model = mjcf.decorate(robot.urdf, ignored, {}, visuals=False).compile()
+    model = decorate.decorate(robot.urdf, ignored, {}, visuals=False).compile()
     assert not compare(robot, model).passed

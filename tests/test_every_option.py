@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 
 from snakegen.analysis import catalogue
-from snakegen.kinetostatics.worst import worst_posture
-from snakegen.posture import hover_gimbals
-from snakegen.report import plain
-from snakegen.robot import Robot, load
+from snakegen.report.page import plain
+from snakegen.robot.posture import hover_gimbals
+from snakegen.robot.robot import Robot, load
+from snakegen.statics.worst import worst_posture
 
 GENERATED = Path(__file__).parent.parent / "generated"
 FULL = bool(os.environ.get("SNAKEGEN_FULL_MATRIX"))
@@ -190,7 +190,7 @@ def test_every_option_has_a_value() -> None:
 def test_every_option_of_every_analysis(preset, run, tmp_path, monkeypatch) -> None:
     """The robot is read once a preset; whatever an option does, its page has figures or none."""
     robot = robot_of(preset)
-    monkeypatch.setattr("snakegen.robot.load", lambda *_, **__: robot)
+    monkeypatch.setattr("snakegen.robot.robot.load", lambda *_, **__: robot)
     quick = partial(worst_posture, samples=8, starts=1, tolerance=0.05)
     monkeypatch.setattr("snakegen.analysis.statics.worst_posture", quick)
     faults: list[str] = []
@@ -224,7 +224,7 @@ def test_pages_and_json_of_every_analysis(preset) -> None:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_an_analysis_that_does_not_apply_says_so(preset, run, monkeypatch) -> None:
     robot = robot_of(preset)
-    monkeypatch.setattr("snakegen.robot.load", lambda *_, **__: robot)
+    monkeypatch.setattr("snakegen.robot.robot.load", lambda *_, **__: robot)
     for command, entry in catalogue().items():
         if not entry.load().applies(robot):
             ran = run("analyze", command, f"{preset}.urdf")

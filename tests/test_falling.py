@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import snakegen
-from snakegen.spec_file import load_spec
-from snakegen.verify.falling import fall
-from snakegen.verify.run import run
+from snakegen.simulation.flight.falling import fall
+from snakegen.simulation.flight.run import run
+from snakegen.spec.loading import load_spec
 
 WEIGHT, DT = 80.0, 0.005
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from snakegen.kernels.chain import centre_of_gravity, forward
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
-from snakegen.verify.error_budget import expected_errors, integral_limits, lags, sources
-from snakegen.verify.flight_bounds import TABLES, TRIM
-from snakegen.verify.plant import Imperfections, bounded_normal, draw
-from snakegen.verify.run import prepare
+from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.error_budget import expected_errors, integral_limits, lags, sources
+from snakegen.simulation.flight.flight_bounds import TABLES, TRIM
+from snakegen.simulation.flight.plant import Imperfections, bounded_normal, draw
+from snakegen.simulation.flight.run import prepare
+from snakegen.spec.loading import load_spec
 
 SHORT = {"duration": 3.0, "trim": 10.0}
 

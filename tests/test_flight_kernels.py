@@ -4,12 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from snakegen.kernels.applied import generalize
-from snakegen.kernels.spd import least_eigenvalue, least_singular_value, tridiagonal
-from snakegen.robot import load
-from snakegen.verify import wiring
-from snakegen.verify.missions.hover import plan as hover
-from snakegen.verify.world import make_world
+from snakegen.kernels.core.cholesky import least_eigenvalue, least_singular_value, tridiagonal
+from snakegen.kernels.dynamics.generalized_forces import generalize
+from snakegen.robot.robot import load
+from snakegen.simulation.flight import mujoco_arrays
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.missions.flight.hover import plan as hover
 
 
 @pytest.mark.parametrize("n", [1, 2, 4, 6, 9])
@@ -53,7 +53,7 @@ def test_forces_on_bodies_reach_the_joints_as_by_mujocos_jacobians(stiffness):
     data.qpos[3:7] = rng.normal(size=4)
     mujoco.mj_normalizeQuat(model, data.qpos)
     mujoco.mj_forward(model, data)
-    sim, wires = wiring.simulator(world, data), wiring.wiring(world, plan)
+    sim, wires = mujoco_arrays.simulator(world, data), mujoco_arrays.wiring(world, plan)
     sim.applied[1:] = rng.normal(size=(model.nbody - 1, 6))
     generalize(sim, wires)
     known = np.zeros(model.nv)

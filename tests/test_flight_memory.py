@@ -6,14 +6,14 @@ from numba import njit
 from numba.core.runtime import _nrt_python, rtsys
 
 from snakegen.control.controller import flight_controller
-from snakegen.kernels.borrowed import scratch
-from snakegen.kernels.linear import matmul_into
-from snakegen.robot import load
-from snakegen.verify.loop import fly
-from snakegen.verify.missions.hover import plan as hover
-from snakegen.verify.missions.switch import plan as switch
-from snakegen.verify.plant import Imperfections, draw
-from snakegen.verify.world import make_world
+from snakegen.kernels.core.mat3 import matmul_into
+from snakegen.kernels.core.stack_arrays import scratch
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.loop import fly
+from snakegen.simulation.flight.plant import Imperfections, draw
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.simulation.missions.flight.switch import plan as switch
 
 
 @njit(_nrt=False)

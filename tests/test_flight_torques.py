@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import snakegen
-from snakegen.kinetostatics.joint_loads import joint_loads
-from snakegen.kinetostatics.law import joint_torques
-from snakegen.verify.run import run
+from snakegen.simulation.flight.run import run
+from snakegen.statics.joint_loads import joint_loads
+from snakegen.statics.joint_torques import joint_torques
 
 POSTURE = {"joint1_yaw": 0.9, "joint2_yaw": 0.4, "joint3_yaw": -0.8, "joint2_pitch": 0.3}
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from snakegen import files, folder_swap
+from snakegen.base import atomic_io, folder_swap
+from snakegen.base.atomic_io import folder_whole, replace_whole
+from snakegen.base.file_lock import InUseError, exclusive
 from snakegen.errors import AnalysisError, SnakegenError
-from snakegen.file_lock import InUseError, exclusive
-from snakegen.files import folder_whole, replace_whole
 from snakegen.sweep.samples import read_table
 
 
@@ -116,7 +116,7 @@ def test_permissions_are_those_of_the_umask(tmp_path: Path) -> None:
 
 def test_work_folders_of_killed_builds_are_removed_by_the_next(tmp_path: Path) -> None:
     code = (
-        "import sys, time, pathlib; from snakegen.files import folder_whole\n"
+        "import sys, time, pathlib; from snakegen.base.atomic_io import folder_whole\n"
         "with folder_whole(pathlib.Path(sys.argv[1])) as folder:\n"
         "    (folder / 'half').write_text('x'); print('there', flush=True); time.sleep(60)"
     )
@@ -148,7 +148,7 @@ def test_a_folder_is_exchanged_at_once(tmp_path: Path, monkeypatch: pytest.Monke
 def test_a_file_behind_a_link_is_replaced_and_the_link_stays(tmp_path: Path) -> None:
     (tmp_path / "real.txt").write_text("old")
     (tmp_path / "link.txt").symlink_to("real.txt")
-    files.write_atomically(tmp_path / "link.txt", "new")
+    atomic_io.write_atomically(tmp_path / "link.txt", "new")
     assert (tmp_path / "link.txt").is_symlink() and (tmp_path / "real.txt").read_text() == "new"
 
 
@@ -158,7 +158,7 @@ def test_a_picture_on_a_full_disk_is_one_line_and_no_file(
 ) -> None:
     from matplotlib.figure import Figure
 
-    from snakegen.plot_style import save
+    from snakegen.picture.style import save
 
     def fails(self: Figure, path: Path, **options: object) -> None:
         Path(path).write_bytes(b"half")
@@ -245,13 +245,13 @@ def test_ctrl_c_turned_into_another_error_is_130(
     from snakegen.cli import cli, main
 
     def fails(*args: object, **options: object) -> None:
-        files.INTERRUPTED.set()
+        atomic_io.INTERRUPTED.set()
         raise ImportError("initialization failed")
 
     monkeypatch.setattr(cli, "main", fails)
     with pytest.raises(SystemExit) as left:
         main(["presets"])
-    files.INTERRUPTED.clear()
+    atomic_io.INTERRUPTED.clear()
     assert left.value.code == 130 and "interrupted" in capsys.readouterr().err
 
 
@@ -275,7 +275,7 @@ def test_the_lock_of_a_name_without_flock_is_its_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """File systems without locks: the process that the file names decides, while it runs."""
-    from snakegen import file_lock
+    from snakegen.base import file_lock
 
     monkeypatch.setattr(file_lock, "fcntl", None)
     target = tmp_path / "f"

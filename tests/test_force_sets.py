@@ -11,18 +11,18 @@ from limited_bodies import holds, random_sets
 import snakegen
 from snakegen.analysis import wrench_margin
 from snakegen.analysis.allocation import allocation
-from snakegen.kernels import force_sets as kernel
-from snakegen.kernels.convex_pieces import pieces_into
-from snakegen.kernels.force_sets import slack
-from snakegen.kernels.jit import jit
-from snakegen.kernels.limited_margins import empty_pieces
-from snakegen.kernels.wrench_certificate import certify
-from snakegen.margins.controller import vectored_controller
-from snakegen.margins.force_sets import ForceSets
-from snakegen.margins.vectored import set_margins
-from snakegen.posture import hover_gimbals
-from snakegen.spec_file import load_spec
+from snakegen.kernels.core.jit import jit
+from snakegen.kernels.margins import force_sets as kernel
+from snakegen.kernels.margins.convex_pieces import pieces_into
+from snakegen.kernels.margins.force_sets import slack
+from snakegen.kernels.margins.limited_margins import empty_pieces
+from snakegen.kernels.margins.wrench_certificate import certify
+from snakegen.robot.posture import hover_gimbals
+from snakegen.spec.loading import load_spec
 from snakegen.sweep.batch import Body, evaluate
+from snakegen.wrench_margins.controller import vectored_controller
+from snakegen.wrench_margins.force_sets import ForceSets
+from snakegen.wrench_margins.vectored import set_margins
 
 DATA = Path(__file__).parent / "data"
 BENT = {"joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw": 1.0}

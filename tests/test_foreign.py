@@ -11,10 +11,10 @@ import pytest
 import snakegen
 from snakegen.analysis import actuation, attitude, control, hover, statics
 from snakegen.analysis.allocation import allocation
-from snakegen.description.mjcf import decorate
-from snakegen.equivalence import compare
+from snakegen.description.mjcf.decorate import decorate
 from snakegen.errors import SnakegenError
-from snakegen.verify.world import make_world
+from snakegen.pipeline.equivalence import compare
+from snakegen.simulation.flight.world import make_world
 
 DATA = Path(__file__).parent / "data"
 URDF, MODULES = DATA / "foreign.urdf", DATA / "foreign.modules.yaml"
@@ -116,7 +116,7 @@ def test_command_line():
 
 
 def test_it_flies(stranger):
-    from snakegen.verify.run import run
+    from snakegen.simulation.flight.run import run
 
     flown = run(stranger, "hover", options={"duration": 3.0}, seed=1)
     assert flown.verdict.passed, flown.verdict.summary()

@@ -11,9 +11,9 @@ import pytest
 from PIL import Image
 
 import snakegen
-from snakegen.posture import hover_gimbals, read_posture
-from snakegen.report import collect, plain, to_json
-from snakegen.spec_file import presets, templates_folder
+from snakegen.report.page import collect, plain, to_json
+from snakegen.robot.posture import hover_gimbals, read_posture
+from snakegen.spec.loading import presets, templates_folder
 
 ROOT = Path(__file__).parent.parent / "generated"
 NAMES = sorted(presets())

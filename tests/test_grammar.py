@@ -11,10 +11,10 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import snakegen
-from snakegen import equivalence
-from snakegen.description.mjcf_files import load_model
+from snakegen.description.mjcf.files import load_model
 from snakegen.errors import SpecError
-from snakegen.spec_file import load_spec, templates_folder
+from snakegen.pipeline import equivalence
+from snakegen.spec.loading import load_spec, templates_folder
 
 AXES = {"roll": (1, 0, 0), "pitch": (0, 1, 0), "yaw": (0, 0, 1)}
 

@@ -7,8 +7,8 @@ import pytest
 
 import snakegen
 from snakegen.errors import MissionError
-from snakegen.verify.missions.gust import metrics, plan
-from snakegen.verify.run import prepare, run
+from snakegen.simulation.flight.run import prepare, run
+from snakegen.simulation.missions.flight.gust import metrics, plan
 
 
 @pytest.fixture(scope="module")

@@ -9,17 +9,17 @@ from scipy.optimize import lsq_linear
 import snakegen
 from snakegen.analysis import hover
 from snakegen.analysis.allocation import allocation
+from snakegen.base.geometry import skew
 from snakegen.control.controller import flight_controller
 from snakegen.control.switch import check_mode
-from snakegen.description.mjcf import decorate
+from snakegen.description.mjcf.decorate import decorate
 from snakegen.errors import MissionError, SpecError
-from snakegen.geometry import skew
-from snakegen.kernels.control_types import VIRTUAL
-from snakegen.margins.vectored import set_margins, vectored_margins
-from snakegen.posture import hover_gimbals
-from snakegen.robot import Robot
-from snakegen.spec_file import load_spec
-from snakegen.verify.run import prepare, run
+from snakegen.kernels.control.types import VIRTUAL
+from snakegen.robot.posture import hover_gimbals
+from snakegen.robot.robot import Robot
+from snakegen.simulation.flight.run import prepare, run
+from snakegen.spec.loading import load_spec
+from snakegen.wrench_margins.vectored import set_margins, vectored_margins
 
 BEND = {"joint1_pitch": 0.8, "joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw": 1.0}
 ARC = {"joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw": 1.0}

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from snakegen import yaml_file
-from snakegen.advice import warnings
+from snakegen.base import yaml_file
 from snakegen.errors import SpecError
-from snakegen.inertia_scaling import _row
-from snakegen.spec_file import load_spec, presets
+from snakegen.spec.inertia_scaling import _row
+from snakegen.spec.loading import load_spec, presets
+from snakegen.spec.warnings import warnings
 
 
 def chain(name: str, *overrides: str, section: str = "chain", field: str = "inertia"):

@@ -6,11 +6,11 @@ import pytest
 from benchmarks.rank_table import plain_robot, posture
 from snakegen.analysis import wrench_margin
 from snakegen.analysis.allocation import allocation
-from snakegen.geometry import move_wrench
-from snakegen.kinetostatics.joint_loads import joint_loads
-from snakegen.kinetostatics.law import joint_torques
-from snakegen.posture import hover_gimbals
-from snakegen.robot import Robot, load
+from snakegen.base.geometry import move_wrench
+from snakegen.robot.posture import hover_gimbals
+from snakegen.robot.robot import Robot, load
+from snakegen.statics.joint_loads import joint_loads
+from snakegen.statics.joint_torques import joint_torques
 
 
 def chain_rows(robot: Robot) -> list[int]:
@@ -26,7 +26,7 @@ def test_maps_add_up_to_the_general_law(seed: int) -> None:
     thrust, disturbance = rng.uniform(0, 16, 8), rng.normal(size=6)
     loads, a, base = joint_loads(robot, q, "link3"), allocation(robot, q), robot.base_pose(q)[0]
     # the same disturbance, moved from the CoG to the origin of link3, in world axes
-    from snakegen.kernels.chain import forward
+    from snakegen.kernels.kinematics.chain import forward
 
     rotation, position = forward(robot.tree, base, np.zeros(3), robot.angles(q))
     body, _, at = robot.body_of_link("link3")

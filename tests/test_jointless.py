@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import snakegen
-from snakegen.robot import Robot
-from snakegen.verify.run import run
+from snakegen.robot.robot import Robot
+from snakegen.simulation.flight.run import run
 
 ARMS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 

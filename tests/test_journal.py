@@ -15,9 +15,9 @@ from snakegen.cli.inspect import inspect as command
 from snakegen.errors import LogError
 from snakegen.log import Journal, journal_of, read, write
 from snakegen.log.journal import MAGIC
-from snakegen.robot import load
-from snakegen.verify.recording import Recording
-from snakegen.verify.run import run
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.run import run
+from snakegen.simulation.recording.recording import Recording
 
 SECONDS = 3
 

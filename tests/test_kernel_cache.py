@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from snakegen.kernels import jit, kernel_cache
-from snakegen.kernels.kernel_cache import Entries, KernelCache
+from snakegen.kernels.core import jit, kernel_cache
+from snakegen.kernels.core.kernel_cache import Entries, KernelCache
 
 KEY = ("(float64,)", ("x86_64", "cpu", "+avx"), ("bytecode", "closure"))
 
@@ -89,7 +89,7 @@ def test_a_truly_full_disk_costs_one_note(tmp_path):
     code = (
         "import pathlib, resource, signal, sys\n"
         "from numba import njit\n"
-        "from snakegen.kernels.kernel_cache import KernelCache\n"
+        "from snakegen.kernels.core.kernel_cache import KernelCache\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (512, 512))\n"
         "def square(x):\n    return x * x + 1.0\n"
@@ -112,7 +112,7 @@ def test_processes_that_compile_at_once_leave_one_whole_entry(tmp_path):
     code = (
         "import pathlib, sys\n"
         "from numba import njit\n"
-        "from snakegen.kernels.kernel_cache import KernelCache\n"
+        "from snakegen.kernels.core.kernel_cache import KernelCache\n"
         "def square(x):\n    return x * x + 1.0\n"
         "f = njit(square)\n"
         "f._cache = KernelCache(square, pathlib.Path(sys.argv[1]))\n"

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from snakegen.description.lint import check, lint
 from snakegen.errors import DescriptionError
+from snakegen.linter.lint import check, lint
 
 GOOD = """<?xml version="1.0" encoding="utf-8"?>
 <robot name="two">

@@ -8,9 +8,9 @@ import pytest
 
 from snakegen import lint
 from snakegen.cli import main
-from snakegen.description.finding import Finding
-from snakegen.description.lint_catalogue import RULES, page
-from snakegen.description.lint_fix import fix
+from snakegen.linter.catalogue import RULES, page
+from snakegen.linter.finding import Finding
+from snakegen.linter.fixes import fix
 from tests.test_lint import FAULTS, GOOD, mutate
 
 ROOT = Path(__file__).parent.parent

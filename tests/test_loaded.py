@@ -6,18 +6,18 @@ import pytest
 
 from snakegen.control.controller import flight_controller
 from snakegen.control.frame import cog_frame
-from snakegen.kernels.compliant import twists, yielding_thrusts
-from snakegen.kernels.control_types import Measured, Target
-from snakegen.kernels.joint_loads import no_loads
-from snakegen.kernels.underactuated import rotor_map, truncated
-from snakegen.kernels.vectoring import joint_order
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
-from snakegen.verify.forecast import forecast
-from snakegen.verify.loaded import Steady, lacking, load_on
-from snakegen.verify.postures import place, resting_joints
-from snakegen.verify.reach_loaded import farthest, follow
-from snakegen.verify.world import make_world
+from snakegen.kernels.allocation.compliance import twists, yielding_thrusts
+from snakegen.kernels.allocation.gimbals import joint_order
+from snakegen.kernels.allocation.underactuated import rotor_map, truncated
+from snakegen.kernels.control.types import Measured, Target
+from snakegen.kernels.dynamics.joint_loads import no_loads
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.postures import place, resting_joints
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.push.limit_search import farthest, follow
+from snakegen.simulation.push.prediction import forecast
+from snakegen.simulation.push.quasi_static import Steady, lacking, load_on
+from snakegen.spec.loading import load_spec
 
 TURNED = {
     "joint1_pitch": 0.02, "joint1_yaw": 0.52, "joint2_pitch": 0.45,

@@ -15,10 +15,10 @@ from snakegen.errors import LogError
 from snakegen.log import compare, inspect, read, snapshot, write
 from snakegen.log.scene import scene
 from snakegen.log.store import decode, encode
-from snakegen.verify.metrics import metrics
-from snakegen.verify.recording import Recording, channel
-from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
-from snakegen.verify.worst_place import judged_verdict
+from snakegen.simulation.recording.metrics import metrics
+from snakegen.simulation.recording.recording import Recording, channel
+from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS, verdict
+from snakegen.simulation.recording.worst_place import judged_verdict
 
 
 def _judged(run: Recording) -> Recording:

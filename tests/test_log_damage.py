@@ -17,10 +17,10 @@ from synthetic_run import flight
 from snakegen.errors import LogError
 from snakegen.log import inspect, read, write
 from snakegen.log.store import decode, encode
-from snakegen.verify.metrics import metrics
-from snakegen.verify.recording import Recording
-from snakegen.verify.verdict import FLIGHT_THRESHOLDS
-from snakegen.verify.worst_place import judged_verdict
+from snakegen.simulation.recording.metrics import metrics
+from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS
+from snakegen.simulation.recording.worst_place import judged_verdict
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ from snakegen.log import snapshot, write
 from snakegen.log.body import drawable
 from snakegen.log.scene import scene
 from snakegen.log.style import frames, saturation_colors, standing_out, stride_for
-from snakegen.verify.metrics import metrics
-from snakegen.verify.recording import Recording, channel
-from snakegen.verify.verdict import FLIGHT_THRESHOLDS, verdict
+from snakegen.simulation.recording.metrics import metrics
+from snakegen.simulation.recording.recording import Recording, channel
+from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS, verdict
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 import snakegen
 from snakegen.analysis import actuation
 from snakegen.control.lost_motion import dual_loss
-from snakegen.kernels.tree import Rotors
+from snakegen.kernels.core.types import Rotors
 
 UP = np.array([0.0, 0.0, 1.0])
 CROSS = np.array([[0.2, 0.2, 0.0], [-0.2, 0.2, 0.0], [-0.2, -0.2, 0.0], [0.2, -0.2, 0.0]])

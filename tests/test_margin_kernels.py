@@ -8,14 +8,14 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from snakegen.analysis.allocation import allocation
-from snakegen.kernels.bare import bare
-from snakegen.kernels.facets import tree
-from snakegen.kernels.facets4 import four, four_within
-from snakegen.kernels.gale import gale, invert_basis
-from snakegen.kernels.postures import dual_postures
-from snakegen.kernels.sandwich import insert, simplex
-from snakegen.kernels.subspace import RANK_TOLERANCE, subspace
-from snakegen.robot import GRAVITY, load
+from snakegen.kernels.core.no_alloc import bare
+from snakegen.kernels.margins.facets import tree
+from snakegen.kernels.margins.facets4 import four, four_within
+from snakegen.kernels.margins.gale import gale, invert_basis
+from snakegen.kernels.margins.inner_radius import insert, simplex
+from snakegen.kernels.margins.posture_batch import dual_postures
+from snakegen.kernels.margins.wrench_subspace import RANK_TOLERANCE, subspace
+from snakegen.robot.robot import GRAVITY, load
 
 
 @pytest.mark.parametrize("rank", [1, 2, 3, 4, 5, 6])

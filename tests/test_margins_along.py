@@ -5,8 +5,8 @@ import pytest
 
 import snakegen
 from snakegen.analysis.allocation import allocation
-from snakegen.verify.missions.fail import margin_without
-from snakegen.verify.run import run
+from snakegen.simulation.flight.run import run
+from snakegen.simulation.missions.flight.fail import margin_without
 
 
 def at(recording, name, time):

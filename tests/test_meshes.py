@@ -10,20 +10,20 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from snakegen.description import meshes
+from snakegen.description.meshes import parts
 from snakegen.errors import DescriptionError
 
 PARTS = {
-    "fan": meshes.ducted_fan(),
-    "small_fan": meshes.ducted_fan(0.07, 0.05, 3, spin=-1),
-    "cross": meshes.joint_cross(),
-    "bracket_y": meshes.u_bracket(0.06, 0.05),
-    "bracket_z": meshes.u_bracket(0.06, 0.05, axis="z"),
-    "ring": meshes.gimbal_ring(0.05, 0.02),
-    "yoke": meshes.apparatus_yoke(0.0125, 0.037, 0.12),
-    "yoke_flat": meshes.apparatus_yoke(0.0125, 0.001, 0.12),
-    "drum": meshes.screw_drum(0.075, 0.206, math.pi / 4),
-    "drum_left": meshes.screw_drum(0.075, 0.206, math.pi / 4, hand=-1, wheels_per_blade=0),
+    "fan": parts.ducted_fan(),
+    "small_fan": parts.ducted_fan(0.07, 0.05, 3, spin=-1),
+    "cross": parts.joint_cross(),
+    "bracket_y": parts.u_bracket(0.06, 0.05),
+    "bracket_z": parts.u_bracket(0.06, 0.05, axis="z"),
+    "ring": parts.gimbal_ring(0.05, 0.02),
+    "yoke": parts.apparatus_yoke(0.0125, 0.037, 0.12),
+    "yoke_flat": parts.apparatus_yoke(0.0125, 0.001, 0.12),
+    "drum": parts.screw_drum(0.075, 0.206, math.pi / 4),
+    "drum_left": parts.screw_drum(0.075, 0.206, math.pi / 4, hand=-1, wheels_per_blade=0),
 }
 GIVEN_SIZE = {
     "fan": (1.0, 1.0, 0.7),
@@ -60,7 +60,7 @@ def test_drum_wheels_touch_their_radius() -> None:
 def test_drum_blades_follow_the_helix_angle(hand: int) -> None:
     """At the ground (z < 0) seen from above, a blade runs along [cos α, sin α] (HA eq 3)."""
     alpha = 0.5
-    drum = meshes.screw_drum(0.1, 0.08, alpha, hand=hand, blades=1, wheels_per_blade=0)
+    drum = parts.screw_drum(0.1, 0.08, alpha, hand=hand, blades=1, wheels_per_blade=0)
     blade = max(drum.split(), key=lambda body: np.linalg.norm(body.centroid[1:]))
     outer = blade.vertices[np.linalg.norm(blade.vertices[:, 1:], axis=1) > 0.08]
     azimuth = np.unwrap(np.arctan2(outer[:, 2], outer[:, 1])) + np.pi / 2
@@ -72,7 +72,7 @@ def test_drum_blades_follow_the_helix_angle(hand: int) -> None:
 @pytest.mark.parametrize("spin", [1, -1])
 def test_fan_blows_down(spin: int) -> None:
     """A blade's leading edge (ahead in the sense of rotation) lies higher: thrust is along +z."""
-    fan = meshes.ducted_fan(blades=7, spin=spin)
+    fan = parts.ducted_fan(blades=7, spin=spin)
     heights = []
     for body in fan.split():
         x, y, z = body.centroid
@@ -85,7 +85,7 @@ def test_fan_blows_down(spin: int) -> None:
 
 
 def test_mirror_fans_are_mirror_images() -> None:
-    one, other = (meshes.ducted_fan(spin=spin) for spin in (1, -1))
+    one, other = (parts.ducted_fan(spin=spin) for spin in (1, -1))
     assert one.volume == pytest.approx(other.volume)
     assert np.array_equal(one.vertices * [1, -1, 1], other.vertices)
 
@@ -97,8 +97,8 @@ def test_cross_pins_lie_on_the_two_axes() -> None:
 
 
 def test_bytes_repeat_and_load(tmp_path: Path) -> None:
-    first = meshes.write_meshes(tmp_path / "a", PARTS)
-    second = meshes.write_meshes(tmp_path / "b", {"fan": meshes.ducted_fan()})
+    first = parts.write_meshes(tmp_path / "a", PARTS)
+    second = parts.write_meshes(tmp_path / "b", {"fan": parts.ducted_fan()})
     assert first["fan"].read_bytes() == second["fan"].read_bytes()
     assert not first["fan"].read_bytes().startswith(b"solid")
     for name, path in first.items():
@@ -110,17 +110,17 @@ def test_bytes_repeat_and_load(tmp_path: Path) -> None:
 
 def test_stl_ignores_the_last_bits() -> None:
     """Noise of 0.1 nm, far above what a sine's last bit does, does not reach the file."""
-    mesh = meshes.joint_cross()
+    mesh = parts.joint_cross()
     noise = np.random.default_rng(3).uniform(-1e-10, 1e-10, mesh.vertices.shape)
     shaken = trimesh.Trimesh(mesh.vertices + noise, mesh.faces, process=False)
     assert not np.array_equal(shaken.vertices.astype("f4"), mesh.vertices.astype("f4"))
-    assert meshes.stl_bytes(shaken) == meshes.stl_bytes(mesh)
+    assert parts.stl_bytes(shaken) == parts.stl_bytes(mesh)
     moved = trimesh.Trimesh(mesh.vertices * (1 + 1e-4), mesh.faces, process=False)
-    assert meshes.stl_bytes(moved) != meshes.stl_bytes(mesh)
+    assert parts.stl_bytes(moved) != parts.stl_bytes(mesh)
 
 
 def test_mujoco_reads_every_mesh(tmp_path: Path) -> None:
-    meshes.write_meshes(tmp_path, PARTS)
+    parts.write_meshes(tmp_path, PARTS)
     assets = "".join(f'<mesh name="{n}" file="{tmp_path}/{n}.stl"/>' for n in PARTS)
     geoms = "".join(f'<geom type="mesh" mesh="{n}"/>' for n in PARTS)
     model = mujoco.MjModel.from_xml_string(
@@ -140,8 +140,8 @@ def triangle(moments: np.ndarray) -> bool:
 @given(lengths, st.tuples(lengths, lengths, lengths))
 @settings(max_examples=50, deadline=None)
 def test_box_inertia(mass: float, size: tuple[float, float, float]) -> None:
-    _, found = meshes.mesh_inertia(trimesh.creation.box(size), mass)
-    assert np.allclose(meshes.box_inertia(mass, size), found, rtol=1e-9, atol=1e-9 * found.max())
+    _, found = parts.mesh_inertia(trimesh.creation.box(size), mass)
+    assert np.allclose(parts.box_inertia(mass, size), found, rtol=1e-9, atol=1e-9 * found.max())
     assert triangle(found)
 
 
@@ -149,13 +149,13 @@ def test_box_inertia(mass: float, size: tuple[float, float, float]) -> None:
 @settings(max_examples=25, deadline=None)
 def test_round_inertias(mass: float, radius: float, length: float, bore: float) -> None:
     """A prism of n sides has the cylinder's moments to O(1/n²)."""
-    solid = meshes.solids.cylinder(radius, 0, length, "x", 256)
-    tube = meshes.solids.cylinder(radius, 0, length, "x", 256, bore=bore * radius)
+    solid = parts.solids.cylinder(radius, 0, length, "x", 256)
+    tube = parts.solids.cylinder(radius, 0, length, "x", 256, bore=bore * radius)
     for mesh, closed in (
-        (solid, meshes.cylinder_inertia(mass, radius, length)),
-        (tube, meshes.tube_inertia(mass, radius, bore * radius, length)),
+        (solid, parts.cylinder_inertia(mass, radius, length)),
+        (tube, parts.tube_inertia(mass, radius, bore * radius, length)),
     ):
-        centre, found = meshes.mesh_inertia(mesh, mass)
+        centre, found = parts.mesh_inertia(mesh, mass)
         assert np.allclose(centre, [length / 2, 0, 0], atol=1e-6 * (length + radius))
         assert np.allclose(closed, found, rtol=5e-4, atol=1e-6 * found.max())
         assert triangle(closed)
@@ -164,24 +164,24 @@ def test_round_inertias(mass: float, radius: float, length: float, bore: float) 
 def test_mesh_inertia_is_about_the_centre_of_mass() -> None:
     cross = PARTS["cross"]
     far = trimesh.Trimesh(cross.vertices + np.array([3.0, -2.0, 1.0]), cross.faces, process=False)
-    (c0, i0), (c1, i1) = meshes.mesh_inertia(cross, 2.0), meshes.mesh_inertia(far, 2.0)
+    (c0, i0), (c1, i1) = parts.mesh_inertia(cross, 2.0), parts.mesh_inertia(far, 2.0)
     assert np.allclose(c1 - c0, [3, -2, 1]) and np.allclose(i0, i1, rtol=1e-6)
     assert triangle(i0)
-    assert np.allclose(meshes.mesh_inertia(cross, 4.0)[1], 2 * i0)
+    assert np.allclose(parts.mesh_inertia(cross, 4.0)[1], 2 * i0)
 
 
 def test_refusals() -> None:
     open_box = trimesh.creation.box((1, 1, 1))
     open_box.update_faces(np.arange(12) > 1)
     with pytest.raises(DescriptionError, match="not closed"):
-        meshes.mesh_inertia(open_box, 1.0)
+        parts.mesh_inertia(open_box, 1.0)
     with pytest.raises(DescriptionError, match="diameter > 0"):
-        meshes.ducted_fan(-1.0)
+        parts.ducted_fan(-1.0)
     with pytest.raises(DescriptionError, match="blades > 0"):
-        meshes.ducted_fan(blades=0)
+        parts.ducted_fan(blades=0)
     with pytest.raises(DescriptionError, match="radius > 0"):
-        meshes.screw_drum(math.nan, 1.0, 0.3)
+        parts.screw_drum(math.nan, 1.0, 0.3)
     with pytest.raises(DescriptionError, match="±π/2"):
-        meshes.screw_drum(0.1, 1.0, 1.6)
+        parts.screw_drum(0.1, 1.0, 1.6)
     with pytest.raises(DescriptionError, match="'y' or 'z'"):
-        meshes.u_bracket(1.0, 1.0, axis="x")
+        parts.u_bracket(1.0, 1.0, axis="x")

@@ -5,10 +5,18 @@ import pytest
 
 from snakegen import load
 from snakegen.errors import MissionError, SnakegenError
-from snakegen.spec_file import load_spec
-from snakegen.verify.missions import fail, mission, missions, step
-from snakegen.verify.postures import bent, driven_joints, extent, place, resting_height, slim
-from snakegen.verify.run import prepare, run
+from snakegen.simulation.flight.postures import (
+    bent,
+    driven_joints,
+    extent,
+    place,
+    resting_height,
+    slim,
+)
+from snakegen.simulation.flight.run import prepare, run
+from snakegen.simulation.missions import mission, missions
+from snakegen.simulation.missions.flight import fail, step
+from snakegen.spec.loading import load_spec
 
 FLIGHTS = ("hover", "step", "transform", "ascend", "squeeze", "fail", "switch", "gust")
 
@@ -65,8 +73,8 @@ def test_no_long_body_touches_itself():
     for links in (2, 5, 12, 32):
         robot = load(load_spec("dragon4", links=links))
         joints = bent(robot)
-        from snakegen.verify.clearance import clearances
-        from snakegen.verify.world import make_world
+        from snakegen.simulation.flight.world import make_world
+        from snakegen.simulation.recording.clearance import clearances
 
         world = make_world(robot, floor=False)
         q = place(robot, joints, np.zeros(3))
@@ -89,8 +97,8 @@ def test_the_slim_body_is_narrower_than_the_opening_and_the_resting_body_wider(d
 def test_at_rest_the_robot_touches_the_floor_and_no_more(dragon4):
     import mujoco
 
-    from snakegen.description.mjcf import lowest_point
-    from snakegen.verify.world import make_world
+    from snakegen.description.mjcf.decorate import lowest_point
+    from snakegen.simulation.flight.world import make_world
 
     q = place(dragon4, bent(dragon4), np.array([0.0, 0.0, 1.0]))
     q[2] += resting_height(dragon4, q) - 1.0

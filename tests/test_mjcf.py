@@ -9,9 +9,9 @@ import pytest
 import yourdfpy
 
 import snakegen
-from snakegen.description.mjcf_files import load_model, split
-from snakegen.spec_file import load_spec
-from snakegen.verify.world import make_world
+from snakegen.description.mjcf.files import load_model, split
+from snakegen.simulation.flight.world import make_world
+from snakegen.spec.loading import load_spec
 
 FIELDS = """body_mass body_inertia body_pos body_quat jnt_range dof_armature geom_size geom_rgba
 geom_contype actuator_gainprm actuator_forcerange actuator_trnid exclude_signature key_qpos key_ctrl

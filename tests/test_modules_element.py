@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from snakegen.errors import DescriptionError
-from snakegen.modules import from_urdf
-from snakegen.modules_file import from_file
-from snakegen.robot import from_urdf_text, load
+from snakegen.robot.modules import from_urdf
+from snakegen.robot.modules_file import from_file
+from snakegen.robot.robot import from_urdf_text, load
 
 URDF = """<robot name="drone">
   <link name="base"/>

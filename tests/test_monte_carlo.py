@@ -12,9 +12,10 @@ import snakegen
 from snakegen.cli.flight import flight
 from snakegen.cli.trials import outcome_lines
 from snakegen.errors import MissionError, SpecError
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
-from snakegen.verify.monte_carlo import (
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.run import prepare
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.monte_carlo import (
     SURVIVED,
     Spread,
     fly_again,
@@ -22,8 +23,7 @@ from snakegen.verify.monte_carlo import (
     perturbed,
     wilson,
 )
-from snakegen.verify.run import prepare
-from snakegen.verify.world import make_world
+from snakegen.spec.loading import load_spec
 
 
 @pytest.fixture(scope="module")

@@ -8,16 +8,16 @@ from published_arms import SIGNS, TABLE_5
 import snakegen
 from snakegen.analysis import motion as analysis
 from snakegen.errors import AnalysisError, MissionError, SnakegenError
-from snakegen.kinetostatics import motion as motions
-from snakegen.kinetostatics.along import torques_along
-from snakegen.kinetostatics.friction import Friction, friction_of
-from snakegen.kinetostatics.law import joint_torques
-from snakegen.kinetostatics.motion_files import motion_of
-from snakegen.kinetostatics.table3 import table3
+from snakegen.inverse_kinematics import motion as motions
+from snakegen.inverse_kinematics.friction import Friction, friction_of
+from snakegen.inverse_kinematics.motion_files import motion_of
+from snakegen.inverse_kinematics.torques_along import torques_along
+from snakegen.inverse_kinematics.zs24_table3 import table3
 from snakegen.log import inspect, write
-from snakegen.spec_file import load_spec
-from snakegen.verify import arm as arm_loop
-from snakegen.verify.run import run
+from snakegen.simulation.arm import loop as arm_loop
+from snakegen.simulation.flight.run import run
+from snakegen.spec.loading import load_spec
+from snakegen.statics.joint_torques import joint_torques
 
 FREE = (0.0, 0.0, 0.0)
 
@@ -278,7 +278,7 @@ def test_the_body_enters_a_port_in_mujoco(arm):
 
 def test_the_papers_motion_shrinks_to_a_robots_limits():
     """A report runs it unasked, so it must not be what makes a report fail."""
-    from snakegen.spec_file import load_spec
+    from snakegen.spec.loading import load_spec
 
     slow = snakegen.load(load_spec("arm6", overrides=["joint.velocity=0.3", "joint.upper=0.1"]))
     result = analysis.analyze(slow, np.zeros(12))

@@ -10,15 +10,15 @@ from click.testing import CliRunner
 import snakegen
 from snakegen.cli import cli
 from snakegen.cli import flight as command
+from snakegen.control.power import battery_joules
 from snakegen.errors import MissionError
 from snakegen.log import layout, plots, read
 from snakegen.log.events import merged
 from snakegen.log.scene import scene
-from snakegen.power import battery_joules
-from snakegen.spec_file import load_spec
-from snakegen.verify.outcome import outcome
-from snakegen.verify.recording import Event, Recording
-from snakegen.verify.run import run
+from snakegen.simulation.flight.run import run
+from snakegen.simulation.recording.recording import Event, Recording
+from snakegen.simulation.recording.summary import outcome
+from snakegen.spec.loading import load_spec
 
 PATH = """
 waypoints:
@@ -82,7 +82,7 @@ def _least_thrust(pitch: float) -> float:
     from scipy.optimize import minimize
 
     from snakegen.analysis.allocation import allocation
-    from snakegen.verify.postures import place, resting_joints
+    from snakegen.simulation.flight.postures import place, resting_joints
 
     robot = snakegen.load("dragon4")
     q = place(robot, resting_joints(robot, None), np.array([0.0, 0.0, 1.5]))

@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from snakegen.description.picture import is_blank, render, robot_share
-from snakegen.picture import figure, posture_shown
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
+from snakegen.picture.mujoco_render import is_blank, render, robot_share
+from snakegen.picture.robot_picture import figure, posture_shown
+from snakegen.robot.robot import load
+from snakegen.spec.loading import load_spec
 
 SCENE = """
 <mujoco>
@@ -137,7 +137,7 @@ def test_a_renderer_that_dies_or_hangs_is_a_reason(
     dying = tmp_path / "dying"
     dying.write_text("#!/bin/sh\nkill -SEGV $$\n")
     dying.chmod(0o755)
-    monkeypatch.setattr("snakegen.description.picture.sys.executable", str(dying))
+    monkeypatch.setattr("snakegen.picture.mujoco_render.sys.executable", str(dying))
     assert "exit -11" in render(scene, tmp_path / "x.png").reason
     dying.write_text("#!/bin/sh\nexec sleep 5\n")
     assert "no answer in 0.2 s" in render(scene, tmp_path / "x.png", timeout=0.2).reason

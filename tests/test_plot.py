@@ -8,10 +8,10 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from snakegen import plot
 from snakegen.errors import SnakegenError
-from snakegen.plot_style import BLUE, GREEN, ORANGE, RED
-from snakegen.report_plots import shrink
+from snakegen.picture.style import BLUE, GREEN, ORANGE, RED
+from snakegen.report import charts
+from snakegen.report.plots import shrink
 
 SEGMENTS = np.array([[[0, 0, 0], [0.4, 0, 0]], [[0.4, 0, 0], [0.6, 0.3, 0.1]]], dtype=float)
 ROTORS = np.array([[0.2, 0.1, 0.0], [0.2, -0.1, 0.0]])
@@ -37,15 +37,15 @@ def bars(path: Path, colour: str) -> list[int]:
 def everything(folder: Path) -> list[Path]:
     time = np.linspace(0, 1, 20)
     joints, rotors = ["joint1_pitch", "joint1_yaw"], ["rotor1_1", "rotor1_2"]
-    grid = plot.sphere_grid(13, 25)
+    grid = charts.sphere_grid(13, 25)
     return [
-        plot.draw_robot(folder / "robot.png", SEGMENTS, ROTORS, AXES, thrusts=[3, 4],
+        charts.draw_robot(folder / "robot.png", SEGMENTS, ROTORS, AXES, thrusts=[3, 4],
                         cog=[0.3, 0, 0], labels=["link1", "link2"], title="robot"),
-        plot.hover_thrust_chart(folder / "hover.png", [3.0, 4.0], 0, 5, rotors),
-        plot.joint_torque_chart(folder / "torque.png", [3.0, -4.0], 5, joints),
-        plot.singular_value_chart(folder / "sigma.png", {"Q": [1.0, 0.1], "J": [2.0, 0.0]}),
-        plot.margin_map(folder / "map.png", 2 + grid[..., 2], title="Force margin", unit="N"),
-        plot.time_series(folder / "time.png", time, {"x [m]": {"x": time, "y": time**2}},
+        charts.hover_thrust_chart(folder / "hover.png", [3.0, 4.0], 0, 5, rotors),
+        charts.joint_torque_chart(folder / "torque.png", [3.0, -4.0], 5, joints),
+        charts.singular_value_chart(folder / "sigma.png", {"Q": [1.0, 0.1], "J": [2.0, 0.0]}),
+        charts.margin_map(folder / "map.png", 2 + grid[..., 2], title="Force margin", unit="N"),
+        charts.time_series(folder / "time.png", time, {"x [m]": {"x": time, "y": time**2}},
                          limits={"x [m]": [0.5]}),
     ]  # fmt: skip
 
@@ -68,7 +68,7 @@ def test_pictures_touch_no_global_state(tmp_path: Path) -> None:
 
 def drawn(segments: np.ndarray, **options: object) -> Figure:
     figure = Figure()
-    assert plot.draw_robot(figure.add_subplot(), segments, **options) is None
+    assert charts.draw_robot(figure.add_subplot(), segments, **options) is None
     return figure
 
 
@@ -123,7 +123,7 @@ def test_thrust_arrows_have_their_length() -> None:
 @pytest.mark.parametrize("links,length", [(8, 1.0), (8, 0.002), (60, 1.0)])
 def test_the_whole_robot_is_in_the_picture(tmp_path: Path, links: int, length: float) -> None:
     long = length * np.array([[[i, 0, 0], [i + 1, 0, 0]] for i in range(links)], dtype=float)
-    path = plot.draw_robot(tmp_path / "long.png", long)
+    path = charts.draw_robot(tmp_path / "long.png", long)
     image = np.asarray(Image.open(path).convert("RGB")).max(axis=-1)
     tubes = np.argwhere(image < 0x70)
     height, width = image.shape
@@ -143,13 +143,13 @@ def test_the_whole_robot_is_in_the_picture(tmp_path: Path, links: int, length: f
 )
 def test_robot_refusals(tmp_path: Path, options: dict, reason: str) -> None:
     with pytest.raises(SnakegenError, match=reason):
-        plot.draw_robot(tmp_path / "x.png", **{"link_segments": SEGMENTS, **options})
+        charts.draw_robot(tmp_path / "x.png", **{"link_segments": SEGMENTS, **options})
     assert not (tmp_path / "x.png").exists()
 
 
 def test_bar_heights_and_colours(tmp_path: Path) -> None:
     names = ["a", "b", "c", "d"]
-    path = plot.limit_chart(tmp_path / "x.png", np.array([2.0, 4.0, 9.6, 11.0]), 0, 10, names,
+    path = charts.limit_chart(tmp_path / "x.png", np.array([2.0, 4.0, 9.6, 11.0]), 0, 10, names,
                             title="t", unit="N")  # fmt: skip
     blue, orange, red = (bars(path, colour) for colour in (BLUE, ORANGE, RED))
     assert (len(blue), len(orange), len(red)) == (2, 1, 1)
@@ -159,27 +159,27 @@ def test_bar_heights_and_colours(tmp_path: Path) -> None:
 
 
 def test_negative_torque_uses_its_own_limit(tmp_path: Path) -> None:
-    path = plot.joint_torque_chart(tmp_path / "x.png", np.array([-6.8, -7.5]), 7, ["a", "b"])
+    path = charts.joint_torque_chart(tmp_path / "x.png", np.array([-6.8, -7.5]), 7, ["a", "b"])
     assert len(bars(path, ORANGE)) == 1 and len(bars(path, RED)) == 1 and not bars(path, BLUE)
 
 
 def test_singular_values_stand_on_a_log_axis(tmp_path: Path) -> None:
     """The axis goes from 1e-9 to 4: σ/σ1 = 10^-4.5 reaches half the height of 1."""
-    path = plot.singular_value_chart(tmp_path / "x.png", {"Q": np.array([2.0, 2 * 10**-4.5])})
+    path = charts.singular_value_chart(tmp_path / "x.png", {"Q": np.array([2.0, 2 * 10**-4.5])})
     whole, half = bars(path, BLUE)[:2]
     assert half == pytest.approx(whole / 2, rel=0.04)
 
 
 def test_lost_directions_are_not_bars(tmp_path: Path) -> None:
     values = {"Q": np.ones(3), "J": np.array([1.0, 1e-12, 0.0])}
-    path = plot.singular_value_chart(tmp_path / "x.png", values)
+    path = charts.singular_value_chart(tmp_path / "x.png", values)
     assert len([h for h in bars(path, BLUE) if h > 100]) == 3
     assert len([h for h in bars(path, ORANGE) if h > 100]) == 1
     assert not bars(path, GREEN)
 
 
 def test_sphere_grid() -> None:
-    grid = plot.sphere_grid(7, 9)
+    grid = charts.sphere_grid(7, 9)
     assert grid.shape == (7, 9, 3)
     assert np.allclose(np.linalg.norm(grid, axis=-1), 1)
     assert np.allclose(grid[3, 4], [1, 0, 0]) and np.allclose(grid[3, 6], [0, 1, 0])
@@ -188,8 +188,8 @@ def test_sphere_grid() -> None:
 
 @pytest.mark.parametrize("weakest,side", [([0, 1, 0], 1), ([0, -1, 0], -1)])
 def test_margin_map_marks_the_weakest_direction(tmp_path: Path, weakest: list, side: int) -> None:
-    values = 3 - plot.sphere_grid() @ np.array(weakest, dtype=float)
-    path = plot.margin_map(tmp_path / "x.png", values, title="m", unit="N")
+    values = 3 - charts.sphere_grid() @ np.array(weakest, dtype=float)
+    path = charts.margin_map(tmp_path / "x.png", values, title="m", unit="N")
     ring, centre = pixels(path, RED)[:, 1].mean(), 0.42 * Image.open(path).width
     assert side * (ring - centre) > 0.1 * Image.open(path).width
 
@@ -198,9 +198,9 @@ def test_margin_map_takes_what_is_known_better_and_a_report_keeps_its_colour(
     tmp_path: Path,
 ) -> None:
     """The certified direction is marked, and the palette of a report does not grey the mark."""
-    values = 3 - plot.sphere_grid() @ np.array([0.0, 1.0, 0.0])
+    values = 3 - charts.sphere_grid() @ np.array([0.0, 1.0, 0.0])
     known = (1.9, [0.0, -1.0, 0.0])
-    path = plot.margin_map(tmp_path / "x.png", values, title="m", unit="N", weakest=known)
+    path = charts.margin_map(tmp_path / "x.png", values, title="m", unit="N", weakest=known)
     before = len(pixels(path, RED))
     shrink(path)
     image = np.asarray(Image.open(path).convert("RGB")).astype(int)
@@ -212,14 +212,14 @@ def test_margin_map_takes_what_is_known_better_and_a_report_keeps_its_colour(
 def test_chart_refusals(tmp_path: Path) -> None:
     path = tmp_path / "x.png"
     with pytest.raises(SnakegenError, match="values 2, names 1"):
-        plot.hover_thrust_chart(path, np.ones(2), 0, 1, ["a"])
+        charts.hover_thrust_chart(path, np.ones(2), 0, 1, ["a"])
     with pytest.raises(SnakegenError, match="finite"):
-        plot.margin_map(path, np.full((3, 3), np.nan), title="", unit="")
+        charts.margin_map(path, np.full((3, 3), np.nan), title="", unit="")
     with pytest.raises(SnakegenError, match="time 3, x 2"):
-        plot.time_series(path, np.arange(3), {"p": {"x": np.arange(2)}})
+        charts.time_series(path, np.arange(3), {"p": {"x": np.arange(2)}})
     with pytest.raises(SnakegenError, match="at least one panel"):
-        plot.time_series(path, np.arange(3), {})
+        charts.time_series(path, np.arange(3), {})
     (tmp_path / "file").write_text("")
     with pytest.raises(SnakegenError, match="cannot be written"):
-        plot.hover_thrust_chart(tmp_path / "file" / "x.png", np.ones(1), 0, 1, ["a"])
+        charts.hover_thrust_chart(tmp_path / "file" / "x.png", np.ones(1), 0, 1, ["a"])
     assert not path.exists()

@@ -11,23 +11,23 @@ from snakegen.analysis.allocation import allocation
 from snakegen.control.controller import flight_controller
 from snakegen.control.frame import cog_frame
 from snakegen.errors import SnakegenError
-from snakegen.kernels.balls import ball_allocation
-from snakegen.kernels.bounded import box_within
-from snakegen.kernels.chain import centre_of_gravity, forward
-from snakegen.kernels.control_types import Measured, Target
-from snakegen.kernels.fully_actuated import forces_of
-from snakegen.kernels.joint_loads import JointLoads, force_loads
-from snakegen.kernels.vectoring import joint_order
-from snakegen.kinetostatics.joint_loads import joint_loads
-from snakegen.kinetostatics.law import joint_torques
-from snakegen.margins.controller import vectored_controller
-from snakegen.margins.rays import Bounds, inverse_ray, thrust_ray, vectored_ray
-from snakegen.margins.thrust import thrust_margins
-from snakegen.verify.forecast import forecast
-from snakegen.verify.informed import informed_limit, true_points
-from snakegen.verify.postures import bent, place, resting_joints
-from snakegen.verify.run import prepare, run
-from snakegen.verify.verdict import verdict
+from snakegen.kernels.allocation.ball_allocation import ball_allocation
+from snakegen.kernels.allocation.box_allocation import box_within
+from snakegen.kernels.allocation.fully_actuated import forces_of
+from snakegen.kernels.allocation.gimbals import joint_order
+from snakegen.kernels.control.types import Measured, Target
+from snakegen.kernels.dynamics.joint_loads import JointLoads, force_loads
+from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
+from snakegen.simulation.flight.postures import bent, place, resting_joints
+from snakegen.simulation.flight.run import prepare, run
+from snakegen.simulation.push.informed import informed_limit, true_points
+from snakegen.simulation.push.prediction import forecast
+from snakegen.simulation.recording.verdict import verdict
+from snakegen.statics.joint_loads import joint_loads
+from snakegen.statics.joint_torques import joint_torques
+from snakegen.wrench_margins.controller import vectored_controller
+from snakegen.wrench_margins.rays import Bounds, inverse_ray, thrust_ray, vectored_ray
+from snakegen.wrench_margins.thrust import thrust_margins
 
 
 @pytest.fixture(scope="module")

@@ -9,16 +9,16 @@ from snakegen.analysis import wrench_margin
 from snakegen.analysis.allocation import allocation
 from snakegen.analysis.push_margins import servo_bounds
 from snakegen.errors import AnalysisError
-from snakegen.margins.controller import truncated_controller
-from snakegen.margins.inner_ball import inner_ball, inner_ball_of
-from snakegen.margins.inputs import force_map
-from snakegen.margins.joint_limited_rotors import truncated_joint_limited
-from snakegen.margins.push_margin import LABELS
-from snakegen.margins.quadric import nearest_exit
-from snakegen.margins.rays import inverse_ray, thrust_ray, vectored_ray
-from snakegen.posture import hover_gimbals
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
+from snakegen.robot.posture import hover_gimbals
+from snakegen.robot.robot import load
+from snakegen.spec.loading import load_spec
+from snakegen.wrench_margins.controller import truncated_controller
+from snakegen.wrench_margins.inner_ball import inner_ball, inner_ball_of
+from snakegen.wrench_margins.inputs import force_map
+from snakegen.wrench_margins.joint_limited_rotors import truncated_joint_limited
+from snakegen.wrench_margins.push_margin import LABELS
+from snakegen.wrench_margins.quadric import nearest_exit
+from snakegen.wrench_margins.rays import inverse_ray, thrust_ray, vectored_ray
 
 BENT = {f"joint{i}_yaw": 1.0 for i in (1, 2, 3)}
 ODD = {

@@ -7,17 +7,17 @@ from test_control_allocation import controller_of
 from test_control_flight import Rigid, at_rest, bent_angles, snake, target_at
 
 from snakegen.analysis import control
+from snakegen.base.geometry import rotation_from_rpy
 from snakegen.control.gains import Gains
 from snakegen.control.poles import loops
 from snakegen.errors import SpecError
-from snakegen.geometry import rotation_from_rpy
-from snakegen.kernels.control_types import VIRTUAL
-from snakegen.kernels.low_pass import low_pass
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
-from snakegen.verify.recording import Recording, channel
-from snakegen.verify.run import run
-from snakegen.verify.vibration_metrics import shaking
+from snakegen.kernels.control.low_pass import low_pass
+from snakegen.kernels.control.types import VIRTUAL
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.run import run
+from snakegen.simulation.recording.recording import Recording, channel
+from snakegen.simulation.recording.vibration_metrics import shaking
+from snakegen.spec.loading import load_spec
 
 
 @pytest.mark.parametrize("cutoff", [3.0, 30.0, 90.0])

@@ -10,9 +10,9 @@ import pytest
 import snakegen
 from snakegen.analysis import reach
 from snakegen.errors import AnalysisError
-from snakegen.kernels.inverse_kinematics import damped_right_inverse, limited_step
-from snakegen.kinetostatics.follow import chain_of, follow, place
-from snakegen.kinetostatics.tip import find_tip
+from snakegen.inverse_kinematics.path_following import chain_of, follow, place
+from snakegen.kernels.kinematics.inverse_kinematics import damped_right_inverse, limited_step
+from snakegen.statics.tip import find_tip
 
 
 @pytest.fixture(scope="module")
@@ -198,7 +198,7 @@ def test_a_path_comes_from_a_table(arm, bent, tmp_path):
 
 def test_a_planted_fault_is_seen(arm, bent, monkeypatch):
     """A Jacobian 20 % too long must break the closed loop's tenth of a millimetre."""
-    from snakegen.kinetostatics import follow as module
+    from snakegen.inverse_kinematics import path_following as module
 
     real = module.place
 

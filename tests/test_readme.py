@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from snakegen.analysis import catalogue
-from snakegen.spec_file import presets
-from snakegen.verify.missions import missions
+from snakegen.simulation.missions import missions
+from snakegen.spec.loading import presets
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from synthetic_run import ROTORS, flight
 
 from snakegen.errors import LogError, MissionError
-from snakegen.verify.metrics import metrics
-from snakegen.verify.recording import STANDARD, Channel, Recording, channel
-from snakegen.verify.signals import rotation_vectors
-from snakegen.verify.verdict import FLIGHT_THRESHOLDS, Verdict, verdict
+from snakegen.simulation.recording.metrics import metrics
+from snakegen.simulation.recording.recording import STANDARD, Channel, Recording, channel
+from snakegen.simulation.recording.signals import rotation_vectors
+from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS, Verdict, verdict
 
 
 def _with(recording: Recording, **channels: Channel) -> Recording:

@@ -7,10 +7,10 @@ import pytest
 
 import snakegen
 from snakegen.errors import MissionError
-from snakegen.spec_file import load_spec
-from snakegen.verify.plan import quintic
-from snakegen.verify.reference_limits import check_motion
-from snakegen.verify.run import prepare
+from snakegen.simulation.flight.plan import quintic
+from snakegen.simulation.flight.reference_limits import check_motion
+from snakegen.simulation.flight.run import prepare
+from snakegen.spec.loading import load_spec
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_turning_loads_the_joints_of_a_bent_body_alone(dragon4):
 
 
 def test_missions_of_the_presets_are_within_limits():
-    from snakegen.verify.missions import mission, missions
+    from snakegen.simulation.missions import mission, missions
 
     for name in ("dragon3", "dragon4", "hybrid4"):
         robot = snakegen.load(name)

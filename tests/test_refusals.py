@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from snakegen.robot import load
+from snakegen.robot.robot import load
 
 REFUSED = [
     ("build dragn4", 1, "no preset and no file 'dragn4'. Did you mean 'dragon4'"),
@@ -132,9 +132,9 @@ def test_a_name_said_twice_helps_nobody(run) -> None:
 
 def test_what_memory_holds_is_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """The duration that a refusal names is one that passes; trials side by side share the room."""
-    from snakegen import memory
+    from snakegen.base import memory
     from snakegen.errors import AnalysisError
-    from snakegen.verify.room import refuse_too_long
+    from snakegen.simulation.flight.memory_check import refuse_too_long
 
     monkeypatch.setattr(memory, "available", lambda: 4_000_000_000)
     robot = load("dragon4")  # 6 + 6 joints + 8 gimbals, 200 Hz: 1.6 MB a second, half of 4 GB
@@ -210,7 +210,7 @@ def test_mistakes_in_python_are_the_same_lines() -> None:
 
 def test_words_of_yaml_are_what_they_look_like() -> None:
     """Numbers and words by YAML 1.2's core schema; what is dumped reads back the same."""
-    from snakegen import yaml_file
+    from snakegen.base import yaml_file
 
     text = ["1:30", "yes", "No", "on", "0x1F", "1_000", "2001-01-01", "<<", "1.2.3", "1e"]
     for word in text:

@@ -11,8 +11,8 @@ import snakegen
 from snakegen.analysis import along, mass
 from snakegen.analysis.allocation import allocation
 from snakegen.errors import AnalysisError, DescriptionError, PostureError, SnakegenError, SpecError
-from snakegen.spec_file import load_spec, presets
-from snakegen.verify.world import make_world
+from snakegen.simulation.flight.world import make_world
+from snakegen.spec.loading import load_spec, presets
 
 FOREIGN = """<?xml version="1.0"?>
 <robot name="foreign">

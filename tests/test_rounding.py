@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import snakegen
-from snakegen.rounding import significant
-from snakegen.words import canonical_basis, components, motions
+from snakegen.base.describe_motion import canonical_basis, components, motions
+from snakegen.base.rounding import significant
 
 
 def test_significant_digits_ignore_the_last_bits() -> None:
@@ -57,7 +57,7 @@ def test_canonical_basis_spans_the_space() -> None:
 
 def test_keyframes_hold_nine_digits() -> None:
     """Hover thrusts of the keyframe carry the weight to nine digits, and have no more of them."""
-    from snakegen.description.mjcf import decorate
+    from snakegen.description.mjcf.decorate import decorate
 
     robot = snakegen.load("dragon3")
     model = decorate(robot.urdf, robot.modules, {}, visuals=False).compile()

@@ -7,9 +7,9 @@ from snakegen import load
 from snakegen.analysis import control
 from snakegen.errors import MissionError
 from snakegen.log.store import encode
-from snakegen.spec_file import load_spec
-from snakegen.verify.metrics import metrics
-from snakegen.verify.run import run
+from snakegen.simulation.flight.run import run
+from snakegen.simulation.recording.metrics import metrics
+from snakegen.spec.loading import load_spec
 
 SHORT = {"duration": 1.0}
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from snakegen import yaml_file
-from snakegen.spec_file import load_spec, presets, schema, validate
+from snakegen.base import yaml_file
+from snakegen.spec.loading import load_spec, presets, schema, validate
 
 SCHEMA = json.loads(schema())
 KINDS = {

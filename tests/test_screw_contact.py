@@ -9,28 +9,28 @@ import pytest
 from screw_urdf import drive_urdf
 
 from snakegen.analysis.screw_drive import wheel_rates
-from snakegen.control.screw import ScrewLaw
-from snakegen.description.mjcf import decorate
-from snakegen.description.screw_chain import BareChain, screw_mjcf
-from snakegen.description.screw_contact import (
+from snakegen.description.mjcf.decorate import decorate
+from snakegen.description.mjcf.rolling_contact import (
     GROUND_BIT,
     ScrewContact,
     decorate_drive,
     decorate_screws,
     meet_rollers,
 )
+from snakegen.description.mjcf.screw_chain import BareChain, screw_mjcf
 from snakegen.errors import DescriptionError, SpecError
-from snakegen.modules import from_urdf
-from snakegen.paths import FollowReference, TimeLaw, l_crank, path_length, square
-from snakegen.screw_motion import hara_chain
-from snakegen.verify.screw_contact import (
+from snakegen.robot.modules import from_urdf
+from snakegen.screw_drive.ground_paths import FollowReference, TimeLaw, l_crank, path_length, square
+from snakegen.screw_drive.kinematics import hara_chain
+from snakegen.screw_drive.tracking import ScrewLaw
+from snakegen.simulation.drive.contact_plant import (
     ContactDrive,
     drive_contact,
     mean_twist,
     measured_twist,
     unit_contacts,
 )
-from snakegen.wheel_layout import wheel_layout
+from snakegen.spec.wheel_layout import wheel_layout
 
 ALPHA = (-math.pi / 4, math.pi / 4, -math.pi / 4, math.pi / 4)
 PAPER = (0.075, 0.0, 0.103, 0.123)

@@ -17,11 +17,12 @@ from snakegen.analysis.screw_drive import (
     follow_the_leader,
     wheel_rates,
 )
-from snakegen.control.screw import ScrewLaw
 from snakegen.errors import AnalysisError
-from snakegen.kernels.screw import follow
-from snakegen.kernels.screw_shape import sigma_squared, smallest_sigma
-from snakegen.paths import (
+from snakegen.kernels.screw.constraints import follow
+from snakegen.kernels.screw.shape_search import sigma_squared, smallest_sigma
+from snakegen.robot.robot import from_urdf_text
+from snakegen.screw_drive.geometry import drive_geometry
+from snakegen.screw_drive.ground_paths import (
     FollowReference,
     TimeLaw,
     l_crank,
@@ -32,8 +33,7 @@ from snakegen.paths import (
     square,
     waypoints,
 )
-from snakegen.robot import from_urdf_text
-from snakegen.screw_motion import (
+from snakegen.screw_drive.kinematics import (
     ScrewGeometry,
     direction_cone,
     fixed_shape_radii,
@@ -45,9 +45,9 @@ from snakegen.screw_motion import (
     state_rate,
     worst_slip_sensitivity,
 )
-from snakegen.screw_robot import drive_geometry
-from snakegen.screw_singularity import drive_hold, search_hold
-from snakegen.verify.screw_plant import drive_kinematic
+from snakegen.screw_drive.singularity import drive_hold, search_hold
+from snakegen.screw_drive.tracking import ScrewLaw
+from snakegen.simulation.drive.kinematic_plant import drive_kinematic
 
 ALPHA = (-math.pi / 4, math.pi / 4, -math.pi / 4, math.pi / 4)
 FIG9 = np.array(
@@ -357,7 +357,7 @@ def test_alternating_drives_hold_within_45_degrees(n, smallest):
 
 
 def test_a_proof_is_refused_above_the_minimum():
-    from snakegen.screw_singularity import _prove
+    from snakegen.screw_drive.singularity import _prove
 
     g, limit = hara_chain(alternating(3)), np.full(2, math.pi / 4)
     sigma = float(search_hold(g, -limit, limit, samples=256, starts=8).weakest.sigma[-1])

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 import snakegen
-from snakegen.advice import warnings
 from snakegen.analysis import statics
-from snakegen.description.mjcf import decorate
-from snakegen.description.urdf import urdf_text
-from snakegen.equivalence import BOUND, compare
+from snakegen.description.mjcf.decorate import decorate
 from snakegen.errors import SpecError
-from snakegen.modules import from_urdf
-from snakegen.robot import load
-from snakegen.screw_law import constraint_matrices
-from snakegen.screw_robot import drive_geometry
-from snakegen.spec_file import load_spec
-from snakegen.wheel_layout import wheel_layout
+from snakegen.pipeline.equivalence import BOUND, compare
+from snakegen.robot.modules import from_urdf
+from snakegen.robot.robot import load
+from snakegen.screw_drive.constraints import constraint_matrices
+from snakegen.screw_drive.geometry import drive_geometry
+from snakegen.spec.loading import load_spec
+from snakegen.spec.urdf import urdf_text
+from snakegen.spec.warnings import warnings
+from snakegen.spec.wheel_layout import wheel_layout
 
 FEW = ("screw_drive.blades=4", "screw_drive.wheels_per_blade=1", "screw_drive.rollers=ring_sphere")
 

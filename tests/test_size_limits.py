@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from snakegen import yaml_file
-from snakegen.description import lint
-from snakegen.description.urdf import MAX_BYTES
+from snakegen.base import yaml_file
 from snakegen.errors import SnakegenError, SpecError
-from snakegen.payload_mesh import locate
-from snakegen.robot import load
+from snakegen.linter import lint
+from snakegen.robot.robot import load
+from snakegen.spec.payload import locate
+from snakegen.spec.urdf import MAX_BYTES
 
 
 def sparse(path: Path, size: int) -> Path:

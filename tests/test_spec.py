@@ -12,13 +12,13 @@ from examples import EXAMPLES
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from snakegen.description import lint
-from snakegen.description.urdf import expand, urdf_text
 from snakegen.errors import SpecError
-from snakegen.modules import from_urdf
-from snakegen.robot import from_urdf_text
-from snakegen.spec import RobotSpec
-from snakegen.spec_file import load_spec, presets, save, schema
+from snakegen.linter import lint
+from snakegen.robot.modules import from_urdf
+from snakegen.robot.robot import from_urdf_text
+from snakegen.spec.loading import load_spec, presets, save, schema
+from snakegen.spec.robot_spec import RobotSpec
+from snakegen.spec.urdf import expand, urdf_text
 
 SMALL = {"name": "small", "chain": {"links": 3, "length": 0.4, "mass": 1.0}}
 

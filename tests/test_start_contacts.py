@@ -13,16 +13,16 @@ import pinocchio as pin
 import pytest
 
 import snakegen
-from snakegen.base_mount import mounted
-from snakegen.description.base_mount import floor_height, supports
-from snakegen.description.mjcf import decorate, scene
-from snakegen.description.mjcf_files import load_model
-from snakegen.description.urdf import urdf_text
+from snakegen.description.mjcf.base_mount import floor_height, supports
+from snakegen.description.mjcf.decorate import decorate, scene
+from snakegen.description.mjcf.files import load_model
 from snakegen.errors import PostureError
-from snakegen.kinetostatics.law import joint_torques
-from snakegen.robot import from_urdf_text
-from snakegen.spec_file import load_spec, presets
-from snakegen.start_contacts import contact_warnings, start_contacts
+from snakegen.pipeline.start_contacts import contact_warnings, start_contacts
+from snakegen.robot.base_mount import mounted
+from snakegen.robot.robot import from_urdf_text
+from snakegen.spec.loading import load_spec, presets
+from snakegen.spec.urdf import urdf_text
+from snakegen.statics.joint_torques import joint_torques
 
 CHAINS = int(os.environ.get("SNAKEGEN_CHAINS", "60"))
 POSTURES = 10

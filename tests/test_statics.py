@@ -13,9 +13,9 @@ from snakegen.analysis import statics
 from snakegen.analysis.allocation import allocation
 from snakegen.analysis.statics import analyze, joint_torques, twist_matrix
 from snakegen.errors import AnalysisError, DescriptionError
-from snakegen.kernels import tip_polytope
-from snakegen.kinetostatics.law import torque_terms
-from snakegen.kinetostatics.tip import find_tip, tip_pose
+from snakegen.kernels.margins import tip_polytope
+from snakegen.statics.joint_torques import torque_terms
+from snakegen.statics.tip import find_tip, tip_pose
 
 ROBOTS = ("arm6", "grasper3", "dragon4", "dragon3")
 
@@ -276,7 +276,7 @@ def test_tip_bears_any_wrench_of_the_radius_and_no_more(robots):
 def test_tip_polytopes_are_drawn(robots, tmp_path):
     from matplotlib.image import imread
 
-    from snakegen.plot_tip import Set, tip_polytope_chart
+    from snakegen.report.tip_chart import Set, tip_polytope_chart
 
     robot = robots["arm6"]
     for k, q in enumerate((np.zeros(12), 0.3 * np.sin(np.arange(12.0)))):

@@ -7,13 +7,13 @@ import pytest
 from flat_robots import FlatRobot, _pack, random_inertia, random_rotation, random_tree
 from published_arms import GRASPER_ANGLES, SIGNS, TABLE_5, arm6, grasper
 
-from snakegen.geometry import quaternion_xyzw, skew, wxyz_from_xyzw
-from snakegen.kernels import dynamics
-from snakegen.kernels.chain import forward
-from snakegen.kernels.dynamics import DEPTHS, TERMS, torque_terms
-from snakegen.kernels.inverse_dynamics import NO_LOADS, Loads, torques_batch
-from snakegen.kernels.tree import Tree
-from snakegen.kernels.twist import tip_jacobian, twist_columns
+from snakegen.base.geometry import quaternion_xyzw, skew, wxyz_from_xyzw
+from snakegen.kernels.core.types import Tree
+from snakegen.kernels.dynamics import torque_terms as dynamics
+from snakegen.kernels.dynamics.inverse_dynamics import NO_LOADS, Loads, torques_batch
+from snakegen.kernels.dynamics.torque_terms import DEPTHS, TERMS, torque_terms
+from snakegen.kernels.kinematics.chain import forward
+from snakegen.kernels.kinematics.jacobians import tip_jacobian, twist_columns
 
 GRAVITY = np.array([0.3, -0.4, -9.7])
 FULL = list(DEPTHS["full"])

@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 
 from snakegen.analysis import statics
-from snakegen.kinetostatics.worst import worst_posture
-from snakegen.posture import aim_gimbals, hover_gimbals
-from snakegen.robot import Robot, load
-from snakegen.spec_file import load_spec
+from snakegen.robot.posture import aim_gimbals, hover_gimbals
+from snakegen.robot.robot import Robot, load
+from snakegen.spec.loading import load_spec
+from snakegen.statics.worst import worst_posture
 
 QUICK = {"samples": 8, "starts": 1, "tolerance": 0.01}
 GENERATED = Path(__file__).parent.parent / "generated"

@@ -6,10 +6,10 @@ import pytest
 from snakegen import load
 from snakegen.control.controller import flight_controller
 from snakegen.control.frame import cog_frame
-from snakegen.kernels.control_types import Measured, Target
-from snakegen.kinetostatics.joint_loads import joint_loads
-from snakegen.verify.postures import bent, place
-from snakegen.verify.run import run
+from snakegen.kernels.control.types import Measured, Target
+from snakegen.simulation.flight.postures import bent, place
+from snakegen.simulation.flight.run import run
+from snakegen.statics.joint_loads import joint_loads
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import shlex
 import pytest
 
 from snakegen.errors import SpecError
-from snakegen.spec_file import load_spec
+from snakegen.spec.loading import load_spec
 
 
 @pytest.mark.parametrize("links", [2, 5, 9, 40])

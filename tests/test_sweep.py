@@ -16,9 +16,9 @@ from scipy.optimize import minimize
 from snakegen.analysis import wrench_margin as margin
 from snakegen.analysis.allocation import allocation
 from snakegen.errors import AnalysisError
-from snakegen.kernels.postures import segment_distance
-from snakegen.posture import hover_gimbals
-from snakegen.robot import Robot, from_urdf_text, load
+from snakegen.kernels.margins.posture_batch import segment_distance
+from snakegen.robot.posture import hover_gimbals
+from snakegen.robot.robot import Robot, from_urdf_text, load
 from snakegen.sweep import executors
 from snakegen.sweep import run as running
 from snakegen.sweep.batch import Body, evaluate
@@ -60,7 +60,7 @@ def test_a_row_is_what_the_analysis_of_one_posture_says(robot: Robot, body: Body
 
 
 def test_a_tilted_base_turns_the_hover_wrench(robot: Robot) -> None:
-    from snakegen.geometry import rotation_from_rpy
+    from snakegen.base.geometry import rotation_from_rpy
 
     tilted = Body.of(robot, robot.chain_joints, rotation_from_rpy((0.4, -0.3, 0.2)), 1e-3)
     samples = some(robot, 3, seed=3)

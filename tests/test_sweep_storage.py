@@ -12,10 +12,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from snakegen import files
+from snakegen.base import atomic_io
+from snakegen.base.file_lock import InUseError, exclusive
 from snakegen.errors import AnalysisError
-from snakegen.file_lock import InUseError, exclusive
-from snakegen.robot import Robot, load
+from snakegen.robot.robot import Robot, load
 from snakegen.sweep import estimate, executors
 from snakegen.sweep import run as running
 from snakegen.sweep.batch import Body, columns, evaluate
@@ -84,7 +84,7 @@ def test_a_second_sweep_into_the_same_file_is_refused(robot: Robot, tmp_path: Pa
 def test_a_lock_ends_with_its_process_but_not_with_its_host(tmp_path: Path) -> None:
     target, lock = tmp_path / "s.parquet", tmp_path / ".s.parquet.lock"
     code = (
-        "import sys, time, pathlib; from snakegen.file_lock import exclusive\n"
+        "import sys, time, pathlib; from snakegen.base.file_lock import exclusive\n"
         f"with exclusive(pathlib.Path({str(target)!r})):\n"
         "    print('held', flush=True); time.sleep(60)"
     )
@@ -168,9 +168,9 @@ def test_parts_and_file_reach_the_disk_before_their_names(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     order: list[tuple[str, str]] = []
-    real_sync, real_replace = files.sync_file, os.replace
+    real_sync, real_replace = atomic_io.sync_file, os.replace
     monkeypatch.setattr(
-        files, "sync_file", lambda p: (order.append(("sync", p.name)), real_sync(p))[1]
+        atomic_io, "sync_file", lambda p: (order.append(("sync", p.name)), real_sync(p))[1]
     )
     monkeypatch.setattr(
         os, "replace", lambda a, b: (order.append(("name", b.name)), real_replace(a, b))[1]

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from snakegen import yaml_file
-from snakegen.description.urdf import expand
+from snakegen.base import yaml_file
 from snakegen.errors import DescriptionError
-from snakegen.spec_file import load_spec, presets, templates_folder
+from snakegen.spec.loading import load_spec, presets, templates_folder
+from snakegen.spec.urdf import expand
 
 VARIANTS = [
     *[(name, {}) for name in sorted(presets())],

@@ -9,8 +9,8 @@ import pytest
 import snakegen
 from snakegen.analysis import cables
 from snakegen.errors import AnalysisError, SnakegenError
-from snakegen.kinetostatics.cabled import cables_of
-from snakegen.kinetostatics.law import joint_torques
+from snakegen.statics.cabled import cables_of
+from snakegen.statics.joint_torques import joint_torques
 
 BENT = {"joint1_pitch": 0.3, "joint3_yaw": -0.4, "joint5_pitch": 0.2, "joint6_yaw": 0.35}
 

@@ -8,8 +8,8 @@ from scipy.optimize import minimize
 import snakegen
 from snakegen.analysis import relief
 from snakegen.errors import AnalysisError
-from snakegen.spec_file import load_spec
-from snakegen.verify.world import make_world
+from snakegen.simulation.flight.world import make_world
+from snakegen.spec.loading import load_spec
 
 
 @pytest.fixture(scope="module")

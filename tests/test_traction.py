@@ -8,15 +8,15 @@ from scipy.optimize import minimize
 
 from snakegen.analysis import traction
 from snakegen.errors import AnalysisError, MissionError
-from snakegen.ground_stance import stance
-from snakegen.robot import load
-from snakegen.screw_robot import drive_geometry
-from snakegen.spec_file import load_spec
-from snakegen.traction_limits import downhill, gravity_on, largest_pull, steepest_slope
-from snakegen.traction_program import held_load, resting_loads, upper_bound
-from snakegen.verify.drive_load import load_metrics
-from snakegen.verify.recording import Recording, channel
-from snakegen.verify.run import run
+from snakegen.robot.robot import load
+from snakegen.screw_drive.geometry import drive_geometry
+from snakegen.screw_drive.ground_stance import stance
+from snakegen.screw_drive.traction_limits import downhill, gravity_on, largest_pull, steepest_slope
+from snakegen.screw_drive.traction_program import held_load, resting_loads, upper_bound
+from snakegen.simulation.drive.load import load_metrics
+from snakegen.simulation.flight.run import run
+from snakegen.simulation.recording.recording import Recording, channel
+from snakegen.spec.loading import load_spec
 
 ARC = {"joint1_yaw": 0.5, "joint2_yaw": 0.5, "joint3_yaw": 0.5}
 DOWN = np.array([0.0, 0.0, -9.81])

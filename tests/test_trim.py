@@ -11,14 +11,14 @@ from snakegen.control.controller import flight_controller
 from snakegen.control.gains import gains_from
 from snakegen.control.poles import loops
 from snakegen.errors import MissionError
-from snakegen.kernels.chain import centre_of_gravity, forward
-from snakegen.kernels.pose_law import integrate
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
-from snakegen.verify.missions import mission
-from snakegen.verify.plant import bounded_normal
-from snakegen.verify.run import prepare, run
-from snakegen.verify.trim import found, integral_rates, trimmed
+from snakegen.kernels.control.pose_law import integrate
+from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.plant import bounded_normal
+from snakegen.simulation.flight.run import prepare, run
+from snakegen.simulation.flight.trim import found, integral_rates, trimmed
+from snakegen.simulation.missions import mission
+from snakegen.spec.loading import load_spec
 
 QUIET = ("thrust_mismatch", "position_noise", "attitude_noise", "gyro_noise", "velocity_noise")
 BIASED = [f"plant.{n}=0" for n in (*QUIET, "joint_noise")] + ["plant.attitude_bias=0.004"]
@@ -202,14 +202,14 @@ def test_the_command_line_takes_it_and_logs_it(tmp_path):
 def test_the_page_names_the_missions_that_are_trimmed():
     from pathlib import Path
 
-    from snakegen.verify.missions import missions
+    from snakegen.simulation.missions import missions
 
     page = (Path(__file__).parents[1] / "docs/flights.md").read_text(encoding="utf-8")
     said = page.partition("Missions `transform`")[2].partition("are **trimmed** first")[0]
     named = {n for n in ("transform`" + said).split("`") if n.isidentifier()}
     trimmed_ones = set()
     for name in missions():
-        module = __import__(f"snakegen.verify.missions.{name}", fromlist=["OPTIONS"])
+        module = __import__(f"snakegen.simulation.missions.{name}", fromlist=["OPTIONS"])
         if module.OPTIONS.get("trim", [0.0])[0]:
             trimmed_ones.add(name)
     assert named == trimmed_ones - {"path"}, "mission files are `path`"

@@ -7,11 +7,11 @@ import pytest
 import snakegen
 from snakegen.analysis import tunnel
 from snakegen.errors import AnalysisError, MissionError
-from snakegen.kinetostatics.body_line import Body
-from snakegen.kinetostatics.follow import chain_of
-from snakegen.kinetostatics.hole import Hole
-from snakegen.kinetostatics.tip import find_tip
-from snakegen.verify.run import run
+from snakegen.inverse_kinematics.body_line import Body
+from snakegen.inverse_kinematics.hole import Hole
+from snakegen.inverse_kinematics.path_following import chain_of
+from snakegen.simulation.flight.run import run
+from snakegen.statics.tip import find_tip
 
 MOUTH = (1.25, 0.08, 0.08)
 

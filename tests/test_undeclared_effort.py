@@ -9,7 +9,7 @@ from multirotors import multirotor
 import snakegen
 from snakegen.analysis import catalogue, motion, statics, wrench_margin
 from snakegen.errors import AnalysisError
-from snakegen.report import plain
+from snakegen.report.page import plain
 
 INERTIA = '<inertia ixx="0.001" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/>'
 

@@ -10,19 +10,19 @@ import pytest
 
 import snakegen
 from snakegen.control.controller import flight_controller
-from snakegen.description.mjcf import lowest_point
+from snakegen.description.mjcf.decorate import lowest_point
 from snakegen.errors import MissionError
-from snakegen.kernels.control_types import Measured, Target
+from snakegen.kernels.control.types import Measured, Target
 from snakegen.log import read, write
-from snakegen.verify.clearance import clearances
-from snakegen.verify.loop import STRETCH, fly, rotation_of
-from snakegen.verify.missions.hover import plan as hover
-from snakegen.verify.missions.transform import plan as transform
-from snakegen.verify.plan import Failure
-from snakegen.verify.plant import Imperfections, draw
-from snakegen.verify.record import record
-from snakegen.verify.run import prepare, run
-from snakegen.verify.world import make_world
+from snakegen.simulation.flight.loop import STRETCH, fly, rotation_of
+from snakegen.simulation.flight.plan import Failure
+from snakegen.simulation.flight.plant import Imperfections, draw
+from snakegen.simulation.flight.run import prepare, run
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.simulation.missions.flight.transform import plan as transform
+from snakegen.simulation.recording.clearance import clearances
+from snakegen.simulation.recording.record import record
 
 VACUUM = {"air_density": 0.0, "gyroscopic": 0.0}
 
@@ -256,8 +256,8 @@ def test_both_platforms_fly_with_everything_on(name):
 
 
 def test_rates_are_free(dragon4):
-    from snakegen.robot import load
-    from snakegen.spec_file import load_spec
+    from snakegen.robot.robot import load
+    from snakegen.spec.loading import load_spec
 
     fast = load(load_spec("dragon4", overrides=["control.attitude_rate=500"]))
     recording = run(fast, "hover", options={"duration": 1.0})

@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 
 import snakegen
+from snakegen.control.power import battery_joules
 from snakegen.errors import SpecError
-from snakegen.kernels.air import add_stream, air_forces, ground_factor, rotor_in_air
-from snakegen.kernels.flight import spin_torques
-from snakegen.power import battery_joules
-from snakegen.robot import load
-from snakegen.spec import Plant as PlantSpec
-from snakegen.spec_file import load_spec
-from snakegen.verify import wiring
-from snakegen.verify.missions.hover import plan as hover
-from snakegen.verify.monte_carlo import Spread
-from snakegen.verify.plant import Imperfections
-from snakegen.verify.rotor_signals import roll_moments
-from snakegen.verify.run import prepare, run
-from snakegen.verify.wind import DRYDEN_LENGTHS, dryden, one_minus_cosine, steady
-from snakegen.verify.world import make_world
+from snakegen.kernels.flight.aerodynamics import add_stream, air_forces, ground_factor, rotor_in_air
+from snakegen.kernels.flight.flight import spin_torques
+from snakegen.robot.robot import load
+from snakegen.simulation.flight import mujoco_arrays
+from snakegen.simulation.flight.plant import Imperfections
+from snakegen.simulation.flight.run import prepare, run
+from snakegen.simulation.flight.wind import DRYDEN_LENGTHS, dryden, one_minus_cosine, steady
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.simulation.monte_carlo import Spread
+from snakegen.simulation.recording.rotor_signals import roll_moments
+from snakegen.spec.loading import load_spec
+from snakegen.spec.robot_spec import Plant as PlantSpec
 
 RHO = 1.2
 BODY = '<inertial pos="0 0 0" mass="1" diaginertia="2e-3 3e-3 4e-3"/>'
@@ -47,9 +47,9 @@ class Tied:
         self.world = make_world(robot)
         self.model, self.data = self.world.model, mujoco.MjData(self.world.model)
         self.world.set_state(self.data, self.plan.start)
-        self.wires = wiring.wiring(self.world, self.plan)
-        self.plant = wiring.plant(self.world, self.plan, what, 0.005, 40.0)
-        self.sim = wiring.simulator(self.world, self.data)
+        self.wires = mujoco_arrays.wiring(self.world, self.plan)
+        self.plant = mujoco_arrays.plant(self.world, self.plan, what, 0.005, 40.0)
+        self.sim = mujoco_arrays.simulator(self.world, self.data)
         mujoco.mj_forward(self.model, self.data)
 
     def air(self, thrust, wind=(0.0, 0.0, 0.0)):
@@ -92,7 +92,7 @@ def test_gyroscopic_moment_is_that_of_a_rotor_that_really_spins():
     plant = tied.plant._replace(
         timestep=1e-4, thrust_max=np.array([16.0]), spin_momentum=np.array([inertia * top])
     )
-    memory = wiring.memory(tied.world, np.zeros((4, 2)), np.zeros(6), 0)._replace(
+    memory = mujoco_arrays.memory(tied.world, np.zeros((4, 2)), np.zeros(6), 0)._replace(
         momentum=np.array([inertia * speed[0]]), steady=np.zeros((welded.nbody, 6))
     )
     for k in range(steps):
@@ -284,6 +284,6 @@ def test_every_field_of_the_specs_plant_reaches_the_loop(dragon4):
 
 def test_an_ideal_plant_changes_nothing(dragon4):
     ready = prepare(dragon4, "hover", ideal=True, options={"duration": 0.05})
-    plant = wiring.plant(make_world(dragon4), ready.plan, ready.imperfections, 0.005, 40.0)
+    plant = mujoco_arrays.plant(make_world(dragon4), ready.plan, ready.imperfections, 0.005, 40.0)
     assert plant.air == 0.0 and not plant.spin_momentum.any() and plant.capacity == np.inf
     assert plant.delay == 0 and plant.imu == 1 and np.all(np.isinf(plant.joint_step))

@@ -6,18 +6,15 @@ import pytest
 
 from snakegen.control.controller import flight_controller
 from snakegen.errors import MissionError
-from snakegen.kernels.chain import forward, mass_properties
-from snakegen.kernels.control_types import Command, Measured
-from snakegen.kernels.damping import Body, damped, hinge_velocities, internal
-from snakegen.kernels.fully_actuated import forces_of, point_map
-from snakegen.kernels.underactuated import rotor_map
-from snakegen.kernels.vectoring import joint_order, mounts, thrust_line
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
-from snakegen.verify.missions.hover import plan as hover
-from snakegen.verify.missions.ring import decay
-from snakegen.verify.run import prepare, run
-from snakegen.verify.vibration import (
+from snakegen.kernels.allocation.fully_actuated import forces_of, point_map
+from snakegen.kernels.allocation.gimbals import joint_order, mounts, thrust_line
+from snakegen.kernels.allocation.underactuated import rotor_map
+from snakegen.kernels.control.types import Command, Measured
+from snakegen.kernels.control.vibration_damping import Body, damped, hinge_velocities, internal
+from snakegen.kernels.kinematics.chain import forward, mass_properties
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.run import prepare, run
+from snakegen.simulation.flight.vibration import (
     Damping,
     actuator_lag,
     damper,
@@ -27,7 +24,10 @@ from snakegen.verify.vibration import (
     retuned,
     running_mean,
 )
-from snakegen.verify.world import make_world
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.simulation.missions.flight.ring import decay
+from snakegen.spec.loading import load_spec
 
 STIFF = ["plant.link_stiffness=300", "joint.servo.stiffness=1000", "joint.servo.damping=2"]
 ON = Damping(12.0, 1e3)
@@ -177,7 +177,7 @@ def test_forces_stay_within_their_limits(scene):
 
 
 def test_the_filter_keeps_slow_modes_and_drops_fast_ones(scene):
-    from snakegen.verify.elastic import elastic_modes
+    from snakegen.simulation.flight.elastic import elastic_modes
 
     frequency, shape = elastic_modes(scene.world.model, scene.data.qpos, hinges(scene.world).dof)
     low, pull, tuned = modal_maps(scene.world, scene.data.qpos, 2)

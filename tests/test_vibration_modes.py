@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from snakegen.kernels.damping import SHARPNESS, swinging
-from snakegen.kernels.flight_types import Damper
+from snakegen.kernels.control.vibration_damping import SHARPNESS, swinging
+from snakegen.kernels.flight.types import Damper
 
 
 def one_mode(w, lead):

@@ -5,10 +5,10 @@ import pytest
 
 import snakegen
 from snakegen.analysis import wake
-from snakegen.geometry import rotation_from_rpy
-from snakegen.kernels.air import add_stream
-from snakegen.modules import Rotor
-from snakegen.spec_file import load_spec
+from snakegen.base.geometry import rotation_from_rpy
+from snakegen.kernels.flight.aerodynamics import add_stream
+from snakegen.robot.modules import Rotor
+from snakegen.spec.loading import load_spec
 
 ROTOR = Rotor("rotor", 0.0, 10.0, 0.0, diameter=0.07)
 RATE = {"drag": 1.1, "reach": 2.0, "spread": 0.1}

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from snakegen.analysis.statics import joint_torques
-from snakegen.geometry import rotation_about
-from snakegen.kernels import sublinear
-from snakegen.kinetostatics.worst import worst_posture
-from snakegen.kinetostatics.worst_bound import use_bound
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
+from snakegen.base.geometry import rotation_about
+from snakegen.kernels.margins import sublinear
+from snakegen.robot.robot import load
+from snakegen.spec.loading import load_spec
+from snakegen.statics.worst import worst_posture
+from snakegen.statics.worst_bound import use_bound
 
 POINTS = np.random.default_rng(0).normal(size=(12, 3))
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from synthetic_run import flight
 
-from snakegen.verify.metrics import metrics
-from snakegen.verify.recording import Recording
-from snakegen.verify.run import run
-from snakegen.verify.verdict import FLIGHT_THRESHOLDS, Check, Verdict
-from snakegen.verify.worst_place import judged_verdict
+from snakegen.simulation.flight.run import run
+from snakegen.simulation.recording.metrics import metrics
+from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS, Check, Verdict
+from snakegen.simulation.recording.worst_place import judged_verdict
 
 
 def changed(run: Recording, name: str, column: int, span: tuple[float, float], to: Any):
@@ -76,7 +76,7 @@ def test_settled_errors_are_placed_after_their_start_error():
     long = flight(14.0)
     late = changed(long, "position", 0, (0.0, 4.0), lambda v: v + 0.5)
     late = changed(late, "position", 1, (11.0, 12.0), lambda v: v + 0.3)
-    from snakegen.verify.worst_place import worst_place
+    from snakegen.simulation.recording.worst_place import worst_place
 
     error = late.channel("position").values - late.channel("position_target").values
     channel = dataclasses.replace(
@@ -90,8 +90,8 @@ def test_settled_errors_are_placed_after_their_start_error():
 
 def test_a_flight_names_the_joint_that_rests_at_its_limit():
     """0.3 N m are less than the joints of a changing body need."""
-    from snakegen.robot import load
-    from snakegen.spec_file import load_spec
+    from snakegen.robot.robot import load
+    from snakegen.spec.loading import load_spec
 
     weak = load(load_spec("dragon4", overrides=["joint.effort=0.3"]))
     flown = run(weak, "transform", seed=0)

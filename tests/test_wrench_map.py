@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from flat_robots import FlatRobot, random_inertia, random_rotation, snake
 
-from snakegen.kernels import chain, wrench_map
+from snakegen.kernels.allocation import wrench_map
+from snakegen.kernels.kinematics import chain
 
 LENGTH, MASS, LIMIT, G = 0.42, 2.0, 32.0, 9.81
 

@@ -21,11 +21,11 @@ from scipy.optimize import linprog, minimize
 
 from snakegen.analysis.wrench_margin import vectored_margins
 from snakegen.errors import SnakegenError
-from snakegen.margins.controller import vectored_controller
-from snakegen.margins.failure import vectored_failures
-from snakegen.margins.force_sets import ForceSets
-from snakegen.margins.joint_limited import vectored_joint_limited
-from snakegen.margins.uncertainty import guaranteed_vectored
+from snakegen.wrench_margins.controller import vectored_controller
+from snakegen.wrench_margins.failure import vectored_failures
+from snakegen.wrench_margins.force_sets import ForceSets
+from snakegen.wrench_margins.joint_limited import vectored_joint_limited
+from snakegen.wrench_margins.uncertainty import guaranteed_vectored
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 6])

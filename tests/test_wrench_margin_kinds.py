@@ -7,12 +7,12 @@ from scipy.optimize import linprog
 
 from snakegen.analysis.wrench_margin import thrust_margins, vectored_margins
 from snakegen.errors import SnakegenError
-from snakegen.margins.controller import ball_reach, thrust_controller, vectored_controller
-from snakegen.margins.failure import thrust_failures, vectored_failures
-from snakegen.margins.force_sets import ForceSets
-from snakegen.margins.joint_limited import vectored_joint_limited
-from snakegen.margins.joint_limited_rotors import thrust_joint_limited
-from snakegen.margins.uncertainty import guaranteed_thrust, guaranteed_vectored
+from snakegen.wrench_margins.controller import ball_reach, thrust_controller, vectored_controller
+from snakegen.wrench_margins.failure import thrust_failures, vectored_failures
+from snakegen.wrench_margins.force_sets import ForceSets
+from snakegen.wrench_margins.joint_limited import vectored_joint_limited
+from snakegen.wrench_margins.joint_limited_rotors import thrust_joint_limited
+from snakegen.wrench_margins.uncertainty import guaranteed_thrust, guaranteed_vectored
 
 WEIGHT = 4 * MASS * 9.81
 HOVER = np.array([0, 0, WEIGHT, 0, 0, 0])

@@ -10,17 +10,17 @@ from snakegen.analysis import wrench_margin
 from snakegen.analysis.allocation import allocation
 from snakegen.analysis.wrench_margin import vectored_margins
 from snakegen.control.controller import flight_controller
-from snakegen.kernels.chain import centre_of_gravity, forward
-from snakegen.kinetostatics.joint_loads import joint_loads
-from snakegen.kinetostatics.support import hold_up
-from snakegen.margins.inputs import force_map
-from snakegen.posture import hover_gimbals
-from snakegen.robot import load
-from snakegen.spec_file import load_spec
+from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
+from snakegen.robot.posture import hover_gimbals
+from snakegen.robot.robot import load
+from snakegen.simulation.missions.flight.fail import margin_without
+from snakegen.simulation.recording.margins_along import margins_along
+from snakegen.spec.loading import load_spec
+from snakegen.statics.joint_loads import joint_loads
+from snakegen.statics.support import hold_up
 from snakegen.sweep.batch import NUMBERS, Body
 from snakegen.sweep.worker import work
-from snakegen.verify.margins_along import margins_along
-from snakegen.verify.missions.fail import margin_without
+from snakegen.wrench_margins.inputs import force_map
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from snakegen.analysis.allocation import Allocation, allocation
+from snakegen.base.describe_motion import motions
+from snakegen.base.geometry import Floats
 from snakegen.control.lost_motion import dual_loss
-from snakegen.geometry import Floats
-from snakegen.kernels.chain import forward
-from snakegen.margins.one_sided import one_sided_loss
-from snakegen.robot import Robot
-from snakegen.words import motions
+from snakegen.kernels.kinematics.chain import forward
+from snakegen.robot.robot import Robot
+from snakegen.wrench_margins.one_sided import one_sided_loss
 
 COMMAND = "actuation"
 ORDER = 20

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.geometry import Floats
-from snakegen.kernels.chain import forward, mass_properties
-from snakegen.kernels.wrench_map import link_axes, mean_drag, thrust_points, wrench_maps
-from snakegen.robot import GRAVITY, Robot
+from snakegen.kernels.allocation.wrench_map import link_axes, mean_drag, thrust_points, wrench_maps
+from snakegen.kernels.kinematics.chain import forward, mass_properties
+from snakegen.robot.robot import GRAVITY, Robot
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError, near
-from snakegen.geometry import Floats
-from snakegen.robot import Robot
+from snakegen.robot.robot import Robot
 from snakegen.sweep.batch import Body, evaluate
 from snakegen.sweep.samples import read_table
 

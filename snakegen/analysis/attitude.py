@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.base.geometry import Floats, rotation_about, rotation_from_rpy, rpy_from_rotation
 from snakegen.errors import AnalysisError, near
-from snakegen.geometry import Floats, rotation_about, rotation_from_rpy, rpy_from_rotation
-from snakegen.robot import Robot
+from snakegen.robot.robot import Robot
 from snakegen.sweep.batch import FLAGS, Body
 from snakegen.sweep.batch import table as as_table
 from snakegen.sweep.worker import work

@@ -13,26 +13,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from snakegen.base.atomic_io import require_suffix
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.files import require_suffix
-from snakegen.geometry import Floats
-from snakegen.kernels.cables import back_substitute, balance, lengths_and_rates
-from snakegen.kinetostatics.cable_holding import (
+from snakegen.inverse_kinematics.motion_files import motion_of
+from snakegen.kernels.cables.cables import back_substitute, balance, lengths_and_rates
+from snakegen.robot.modules import Cables
+from snakegen.robot.posture import set_angle
+from snakegen.robot.robot import Robot
+from snakegen.statics.cable_holding import (
     Stiffness,
     holding_limit,
     least_holding_tension,
     stiffness_of,
 )
-from snakegen.kinetostatics.cable_results import CableMotion, CablesResult, balanced
-from snakegen.kinetostatics.cable_stiffness import PointLoad, cable_geometry
-from snakegen.kinetostatics.cabled import cables_of, hold_in_mujoco
-from snakegen.kinetostatics.law import DOWN, Wrenches, finite, joint_torques, link_loads
-from snakegen.kinetostatics.motion_files import motion_of
-from snakegen.kinetostatics.routing import Routing, route
-from snakegen.kinetostatics.tip import find_tip, tip_pose
-from snakegen.modules import Cables
-from snakegen.posture import set_angle
-from snakegen.robot import Robot
+from snakegen.statics.cable_results import CableMotion, CablesResult, balanced
+from snakegen.statics.cable_stiffness import PointLoad, cable_geometry
+from snakegen.statics.cabled import cables_of, hold_in_mujoco
+from snakegen.statics.joint_torques import DOWN, Wrenches, finite, joint_torques, link_loads
+from snakegen.statics.routing import Routing, route
+from snakegen.statics.tip import find_tip, tip_pose
 
 __all__ = ["CablesResult", "Routing", "analyze", "applies", "route"]
 
@@ -230,7 +230,7 @@ class _Case:
 
 
 def _at(robot: Robot, load: PointLoad) -> Any:
-    from snakegen.kinetostatics.tip import Tip
+    from snakegen.statics.tip import Tip
 
     return Tip("", load.body, load.point)
 

@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.base.rounding import significant
 from snakegen.control.controller import MODES, flight_controller, gain_set
 from snakegen.control.gains import Floats
 from snakegen.control.poles import Loop, flight_loops
 from snakegen.control.switch import mode_refusal
 from snakegen.errors import AnalysisError
-from snakegen.posture import hover_gimbals
-from snakegen.robot import Robot
-from snakegen.rounding import significant
+from snakegen.robot.posture import hover_gimbals
+from snakegen.robot.robot import Robot
 
 COMMAND = "control"
 ORDER = 80

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from snakegen.analysis.allocation import Allocation, allocation
-from snakegen.geometry import Floats
-from snakegen.kernels.bounded import box_allocation
-from snakegen.margins.vectored import set_margins
-from snakegen.posture import aim_gimbals
-from snakegen.power import JOULES, battery_joules, power_factors
-from snakegen.robot import Robot
+from snakegen.base.geometry import Floats
+from snakegen.control.power import JOULES, battery_joules, power_factors
+from snakegen.kernels.allocation.box_allocation import box_allocation
+from snakegen.robot.posture import aim_gimbals
+from snakegen.robot.robot import Robot
+from snakegen.wrench_margins.vectored import set_margins
 
 COMMAND = "hover"
 ORDER = 40

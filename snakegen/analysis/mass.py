@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from snakegen.geometry import Floats
-from snakegen.kernels.chain import forward, mass_properties
-from snakegen.robot import Robot
+from snakegen.base.geometry import Floats
+from snakegen.kernels.kinematics.chain import forward, mass_properties
+from snakegen.robot.robot import Robot
 
 COMMAND = "mass"
 ORDER = 10

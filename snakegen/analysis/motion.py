@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from snakegen.base.atomic_io import require_suffix, write_atomically
+from snakegen.base.geometry import Floats
+from snakegen.base.rounding import significant
 from snakegen.errors import AnalysisError
-from snakegen.files import require_suffix, write_atomically
-from snakegen.geometry import Floats
-from snakegen.kernels.dynamics import DEPTHS, TERMS
-from snakegen.kinetostatics.along import Along, torques_along
-from snakegen.kinetostatics.friction import Friction, friction_of
-from snakegen.kinetostatics.law import DOWN, Depth, Wrenches, declared_limits
-from snakegen.kinetostatics.motion import Motion, speed_limits
-from snakegen.kinetostatics.motion_files import motion_of, seconds
-from snakegen.robot import Robot
-from snakegen.rounding import significant
+from snakegen.inverse_kinematics.friction import Friction, friction_of
+from snakegen.inverse_kinematics.motion import Motion, speed_limits
+from snakegen.inverse_kinematics.motion_files import motion_of, seconds
+from snakegen.inverse_kinematics.torques_along import Along, torques_along
+from snakegen.kernels.dynamics.torque_terms import DEPTHS, TERMS
+from snakegen.robot.robot import Robot
+from snakegen.statics.joint_torques import DOWN, Depth, Wrenches, declared_limits
 
 COMMAND = "motion"
 ORDER = 65
@@ -292,6 +292,6 @@ def _mean(time: Floats, values: Floats) -> Floats:
 
 
 def _vector(value: ArrayLike) -> Floats:
-    from snakegen.kinetostatics.law import finite
+    from snakegen.statics.joint_torques import finite
 
     return finite(value, (3,), "gravity")

@@ -10,21 +10,21 @@ from typing import Any
 import numpy as np
 
 from snakegen.analysis.allocation import Allocation
-from snakegen.geometry import Floats
-from snakegen.kinetostatics.joint_loads import joint_loads
-from snakegen.margins.controller import (
+from snakegen.base.geometry import Floats
+from snakegen.robot.robot import Robot
+from snakegen.statics.joint_loads import joint_loads
+from snakegen.wrench_margins.controller import (
     AllocatorMargin,
     truncated_controller,
     vectored_controller,
 )
-from snakegen.margins.joint_limited import JointLimitedMargins
-from snakegen.margins.joint_limited_rotors import truncated_joint_limited
-from snakegen.margins.joint_limited_sets import sets_joint_limited
-from snakegen.margins.push_margin import PushMargin, PushMargins
-from snakegen.margins.rays import Bounds
-from snakegen.margins.thrust import ThrustMargins
-from snakegen.margins.vectored import VectoredMargins
-from snakegen.robot import Robot
+from snakegen.wrench_margins.joint_limited import JointLimitedMargins
+from snakegen.wrench_margins.joint_limited_rotors import truncated_joint_limited
+from snakegen.wrench_margins.joint_limited_sets import sets_joint_limited
+from snakegen.wrench_margins.push_margin import PushMargin, PushMargins
+from snakegen.wrench_margins.rays import Bounds
+from snakegen.wrench_margins.thrust import ThrustMargins
+from snakegen.wrench_margins.vectored import VectoredMargins
 
 VIRTUAL_MODE, DUAL_MODE = "virtual_single_rotor", "dual_rotor"
 

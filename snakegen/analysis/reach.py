@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.geometry import Floats
-from snakegen.kinetostatics.collisions import Collisions, Nearest, Obstacle, obstacles_of
-from snakegen.kinetostatics.follow import (
+from snakegen.inverse_kinematics.collisions import Collisions, Nearest, Obstacle, obstacles_of
+from snakegen.inverse_kinematics.path_following import (
     Chain,
     Options,
     Port,
@@ -25,11 +25,11 @@ from snakegen.kinetostatics.follow import (
     place,
     reach_point,
 )
-from snakegen.kinetostatics.law import finite
-from snakegen.kinetostatics.paths import checked_path, circle, port, port_of, through
-from snakegen.kinetostatics.reach_reason import describe_track, length_text, stretched
-from snakegen.kinetostatics.tip import find_tip
-from snakegen.robot import Robot
+from snakegen.inverse_kinematics.reach_reason import describe_track, length_text, stretched
+from snakegen.inverse_kinematics.tip_paths import checked_path, circle, port, port_of, through
+from snakegen.robot.robot import Robot
+from snakegen.statics.joint_torques import finite
+from snakegen.statics.tip import find_tip
 
 __all__ = ["Options", "Port", "ReachResult", "analyze", "applies", "circle", "port"]
 

@@ -11,18 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.geometry import Floats
-from snakegen.kinetostatics.law import DOWN, Wrenches, finite, joint_torques
-from snakegen.kinetostatics.thrust_relief import (
-    Relieved,
-    ThrustMap,
-    least_use,
-    thrust_map,
-    tip_force,
-)
-from snakegen.kinetostatics.tip import find_tip, tip_pose
-from snakegen.robot import Robot
+from snakegen.robot.robot import Robot
+from snakegen.statics.joint_torques import DOWN, Wrenches, finite, joint_torques
+from snakegen.statics.thrust_relief import Relieved, ThrustMap, least_use, thrust_map, tip_force
+from snakegen.statics.tip import find_tip, tip_pose
 
 COMMAND = "relief"
 ORDER = 77

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError, near
-from snakegen.geometry import Floats
-from snakegen.paths import NAMED, Path
-from snakegen.robot import Robot
-from snakegen.screw_law import constraint_matrices, follow_the_leader, wheel_rates
-from snakegen.screw_motion import (
+from snakegen.robot.robot import Robot
+from snakegen.screw_drive.constraints import constraint_matrices, follow_the_leader, wheel_rates
+from snakegen.screw_drive.geometry import drive_geometry, yaw_joints
+from snakegen.screw_drive.ground_paths import NAMED, Path
+from snakegen.screw_drive.kinematics import (
     DirectionCone,
     PathDemand,
     ScrewGeometry,
@@ -26,8 +27,7 @@ from snakegen.screw_motion import (
     path_demand,
     worst_slip_sensitivity,
 )
-from snakegen.screw_robot import drive_geometry, yaw_joints
-from snakegen.screw_singularity import DriveHold, HoldSearch, drive_hold, search_hold
+from snakegen.screw_drive.singularity import DriveHold, HoldSearch, drive_hold, search_hold
 
 __all__ = [
     "DriveResult",

@@ -7,9 +7,9 @@ import numpy as np
 
 from snakegen.analysis.actuation import RANK_TOLERANCE, scaled, turning_gimbals
 from snakegen.analysis.allocation import allocation
-from snakegen.geometry import Floats
-from snakegen.robot import Robot
-from snakegen.words import motions
+from snakegen.base.describe_motion import motions
+from snakegen.base.geometry import Floats
+from snakegen.robot.robot import Robot
 
 COMMAND = "singularity"
 ORDER = 30
@@ -112,7 +112,7 @@ def analyze(robot: Robot, q: Floats, threshold: float = 0.02) -> Singularity:
 
 def _gimbal_distances(robot: Robot, q: Floats) -> tuple[GimbalDistance, ...]:
     """Returns, for each apparatus with a roll joint, the angle from thrust to its roll axis."""
-    from snakegen.kernels.chain import forward
+    from snakegen.kernels.kinematics.chain import forward
 
     base, origin = robot.base_pose(q)
     rotation, _ = forward(robot.tree, base, origin, robot.angles(q))

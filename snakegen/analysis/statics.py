@@ -10,10 +10,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.geometry import Floats
-from snakegen.kernels.dynamics import DEPTHS, EXTERNAL, TERMS
-from snakegen.kinetostatics.law import (
+from snakegen.kernels.dynamics.torque_terms import DEPTHS, EXTERNAL, TERMS
+from snakegen.robot.robot import Robot
+from snakegen.statics.joint_torques import (
     DOWN,
     Depth,
     Wrenches,
@@ -22,11 +23,10 @@ from snakegen.kinetostatics.law import (
     torque_terms,
     twist_matrix,
 )
-from snakegen.kinetostatics.statics_rows import bears, joint_rows
-from snakegen.kinetostatics.support import hold_up
-from snakegen.kinetostatics.tip import TipLoad, find_tip, plain, tip_load, tip_pose
-from snakegen.kinetostatics.worst import worst_posture
-from snakegen.robot import Robot
+from snakegen.statics.statics_rows import bears, joint_rows
+from snakegen.statics.support import hold_up
+from snakegen.statics.tip import TipLoad, find_tip, plain, tip_load, tip_pose
+from snakegen.statics.worst import worst_posture
 
 __all__ = ["StaticsResult", "analyze", "applies", "joint_torques", "twist_matrix", "worst_posture"]
 

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.geometry import Floats
-from snakegen.ground_stance import Stance, stance
-from snakegen.robot import GRAVITY, Robot
-from snakegen.traction_limits import (
+from snakegen.robot.robot import GRAVITY, Robot
+from snakegen.screw_drive.ground_stance import Stance, stance
+from snakegen.screw_drive.traction_limits import (
     SIDES,
     STEEPEST,
     Held,
@@ -28,7 +28,7 @@ from snakegen.traction_limits import (
     largest_pull,
     steepest_slope,
 )
-from snakegen.traction_program import resting_loads
+from snakegen.screw_drive.traction_program import resting_loads
 
 COMMAND = "traction"
 EXAMPLE = "screw4 --friction 0.2,0.8 --joint joint1_yaw=0.5"

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.geometry import Floats
-from snakegen.kinetostatics.collisions import Collisions, Nearest, Obstacle, obstacles_of
-from snakegen.kinetostatics.follow import Options, chain_of, reach_point
-from snakegen.kinetostatics.hole import Hole, checked_hole
-from snakegen.kinetostatics.law import finite
-from snakegen.kinetostatics.paths import checked_path
-from snakegen.kinetostatics.tip import find_tip
-from snakegen.kinetostatics.tunnel import Entry, enter
-from snakegen.robot import Robot
+from snakegen.inverse_kinematics.collisions import Collisions, Nearest, Obstacle, obstacles_of
+from snakegen.inverse_kinematics.hole import Hole, checked_hole
+from snakegen.inverse_kinematics.path_following import Options, chain_of, reach_point
+from snakegen.inverse_kinematics.tip_paths import checked_path
+from snakegen.inverse_kinematics.tunnel import Entry, enter
+from snakegen.robot.robot import Robot
+from snakegen.statics.joint_torques import finite
+from snakegen.statics.tip import find_tip
 
 COMMAND = "tunnel"
 ORDER = 71

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.special import erf
 
 from snakegen.analysis.allocation import Allocation, allocation
-from snakegen.description.solids_of import rod_radii
+from snakegen.base.geometry import Floats
+from snakegen.description.meshes.solids_of import rod_radii
 from snakegen.errors import AnalysisError
-from snakegen.geometry import Floats
-from snakegen.kernels.chain import centre_of_gravity, forward
-from snakegen.modules import Rotor
-from snakegen.robot import Robot
+from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
+from snakegen.robot.modules import Rotor
+from snakegen.robot.robot import Robot
 
 COMMAND = "wake"
 ORDER = 45

@@ -6,19 +6,19 @@ import numpy as np
 
 from snakegen.analysis.allocation import Allocation, allocation
 from snakegen.analysis.push_margins import DUAL_MODE, VIRTUAL_MODE, push_margins
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError, near
-from snakegen.geometry import Floats
-from snakegen.kinetostatics.joint_loads import joint_loads
-from snakegen.margins.controller import thrust_controller, vectored_controller
-from snakegen.margins.failure import thrust_failures, vectored_failures
-from snakegen.margins.joint_limited_rotors import thrust_joint_limited
-from snakegen.margins.joint_limited_sets import sets_joint_limited
-from snakegen.margins.push_margin import ALLOCATORS, PushMargins
-from snakegen.margins.summary import JointLimited, Margins, Weakest
-from snakegen.margins.thrust import ThrustMargins, thrust_margins
-from snakegen.margins.uncertainty import guaranteed_thrust, guaranteed_vectored
-from snakegen.margins.vectored import VectoredMargins, set_margins, vectored_margins
-from snakegen.robot import Robot
+from snakegen.robot.robot import Robot
+from snakegen.statics.joint_loads import joint_loads
+from snakegen.wrench_margins.controller import thrust_controller, vectored_controller
+from snakegen.wrench_margins.failure import thrust_failures, vectored_failures
+from snakegen.wrench_margins.joint_limited_rotors import thrust_joint_limited
+from snakegen.wrench_margins.joint_limited_sets import sets_joint_limited
+from snakegen.wrench_margins.push_margin import ALLOCATORS, PushMargins
+from snakegen.wrench_margins.summary import JointLimited, Margins, Weakest
+from snakegen.wrench_margins.thrust import ThrustMargins, thrust_margins
+from snakegen.wrench_margins.uncertainty import guaranteed_thrust, guaranteed_vectored
+from snakegen.wrench_margins.vectored import VectoredMargins, set_margins, vectored_margins
 
 __all__ = [
     "ThrustMargins",

@@ -16,8 +16,8 @@ from typing import Any
 import click
 
 from snakegen import __version__
+from snakegen.base.atomic_io import INTERRUPTED, on_interrupt, send_again
 from snakegen.errors import SnakegenError
-from snakegen.files import INTERRUPTED, on_interrupt, send_again
 
 _STDOUT = "stdout"
 _INTERRUPTED = "interrupted; files are as they were."

@@ -46,7 +46,7 @@ class AnalyzeGroup(LazyGroup):
 
 
 def _is_robot(word: str) -> bool:
-    from snakegen.spec_file import presets
+    from snakegen.spec.loading import presets
 
     return word in presets() or word.endswith((".yaml", ".yml", ".urdf")) or Path(word).is_file()
 
@@ -64,7 +64,7 @@ def _command(entry: Entry) -> click.Command:
     """Returns the click command of an analysis, with its own options."""
 
     def run(source: Source, stance: Stance, as_json: bool, **options: Any) -> None:
-        from snakegen.report import refuse
+        from snakegen.report.page import refuse
 
         machine = source.machine()
         analysis = entry.load()

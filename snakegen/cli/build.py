@@ -49,8 +49,8 @@ def build(
       snakegen build screw4 --links 6 --rollers ring_sphere
       snakegen build dragon4 --set vectoring_apparatus.thrust_max=20
     """
-    from snakegen.generate import build as run
-    from snakegen.spec_file import save
+    from snakegen.pipeline.build import build as run
+    from snakegen.spec.loading import save
 
     check_ending("--save-spec", save_spec, ".yaml", ".yml")
     spec = source.rolling_on(rollers).spec()

@@ -85,12 +85,12 @@ def flight(
       snakegen analyze flight dragon4 --mission hover --duration 5 --seed 3 --json
       snakegen analyze flight dragon4 --mission hover --trials 100
     """
+    from snakegen.base.atomic_io import check_writable
+    from snakegen.base.file_lock import exclusive
     from snakegen.cli.trials import fly_trials
-    from snakegen.file_lock import exclusive
-    from snakegen.files import check_writable
     from snakegen.log import Journal, view, write
-    from snakegen.verify.room import refuse_too_long
-    from snakegen.verify.run import run
+    from snakegen.simulation.flight.memory_check import refuse_too_long
+    from snakegen.simulation.flight.run import run
 
     check_ending("-o", out, ".rrd")
     source = source.rolling_on(rollers)
@@ -146,7 +146,7 @@ def flight(
 def _refuse_idle(name: str, robot: Any, gains: str | None, allocator: str) -> None:
     """Refuses choices that a mission with a loop of its own would pass over in silence."""
     from snakegen.errors import MissionError
-    from snakegen.verify.missions import mission as find
+    from snakegen.simulation.missions import mission as find
 
     if (gains is not None or allocator != "paper") and hasattr(find(name, robot), "fly"):
         raise MissionError(
@@ -158,8 +158,8 @@ def _refuse_idle(name: str, robot: Any, gains: str | None, allocator: str) -> No
 def _list_missions(robot: Any) -> int:
     """Prints the missions that suit `robot`, then what the others need."""
     from snakegen.errors import MissionError
-    from snakegen.verify.missions import mission as find
-    from snakegen.verify.missions import missions
+    from snakegen.simulation.missions import mission as find
+    from snakegen.simulation.missions import missions
 
     suits, others = [], []
     for name, text in missions().items():
@@ -176,7 +176,7 @@ def _list_missions(robot: Any) -> int:
 
 def _list_options(name: str, robot: Any) -> int:
     """Prints the options of a mission with their defaults, then what its docstring adds."""
-    from snakegen.verify.missions import mission as find
+    from snakegen.simulation.missions import mission as find
 
     module = find(name, robot)
     options = getattr(module, "OPTIONS", {})
@@ -192,10 +192,10 @@ def mission_options(
     name: str, robot: Any, items: tuple[str, ...], duration: float | None
 ) -> dict[str, Any]:
     """Returns the options of a mission from ``name=value`` items, checked against its OPTIONS."""
-    from snakegen import yaml_file
+    from snakegen.base import yaml_file
     from snakegen.errors import MissionError, near
-    from snakegen.posture import read_posture
-    from snakegen.verify.missions import mission as find
+    from snakegen.robot.posture import read_posture
+    from snakegen.simulation.missions import mission as find
 
     module = find(name, robot)
     known = getattr(module, "OPTIONS", {})
@@ -236,7 +236,7 @@ def mesh_folder(robot: Any, log: Path) -> Path:
             return folder
     from tempfile import TemporaryDirectory
 
-    from snakegen.description.meshes import unit_meshes, write_meshes
+    from snakegen.description.meshes.parts import unit_meshes, write_meshes
 
     made = Path(click.get_current_context().with_resource(TemporaryDirectory()))
     write_meshes(made / "meshes", unit_meshes())
@@ -247,8 +247,8 @@ def drum_folder(spec: Any) -> Path:
     """Makes the meshes of a spec with drums: those of an earlier build may have another helix."""
     from tempfile import TemporaryDirectory
 
-    from snakegen.description.drums import drum_meshes
-    from snakegen.description.meshes import unit_meshes, write_meshes
+    from snakegen.description.meshes.parts import unit_meshes, write_meshes
+    from snakegen.description.meshes.screw_units import drum_meshes
 
     made = Path(click.get_current_context().with_resource(TemporaryDirectory()))
     write_meshes(made / "meshes", unit_meshes() | drum_meshes(spec.resolved()))

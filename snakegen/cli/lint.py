@@ -33,7 +33,7 @@ def lint(
       snakegen lint robot.urdf --fix
       snakegen lint robot.urdf --json
     """
-    from snakegen.description.lint import lint as findings
+    from snakegen.linter.lint import lint as findings
 
     if as_json and as_sarif:
         raise DescriptionError("JSON and SARIF are two formats; choose one.")
@@ -44,7 +44,7 @@ def lint(
         raise DescriptionError(f"{file}: {found[0].message}.")
     counts = Counter(finding.severity for finding in found)
     if as_sarif:
-        from snakegen.description.lint_sarif import to_sarif
+        from snakegen.linter.sarif import to_sarif
 
         print_json(to_sarif(path.as_posix(), found))
     elif as_json:
@@ -72,9 +72,9 @@ def _count(number: int, what: str) -> str:
 
 def _mend(path: Path) -> list[str]:
     """Mends the file in place, whole or not at all; returns what was done."""
-    from snakegen.description.lint_fix import fix
-    from snakegen.description.xmltree import XmlFault
-    from snakegen.files import write_atomically
+    from snakegen.base.atomic_io import write_atomically
+    from snakegen.linter.fixes import fix
+    from snakegen.linter.xml_tree import XmlFault
 
     try:
         text = path.read_text(encoding="utf-8")

@@ -44,7 +44,7 @@ class Source:
 
     def spec(self) -> Any:
         """Returns the RobotSpec of a preset or spec file with its overrides."""
-        from snakegen.spec_file import load_spec
+        from snakegen.spec.loading import load_spec
 
         if self.is_xml:
             kind = "a URDF" if self.robot.endswith(".urdf") else "XML"
@@ -55,9 +55,9 @@ class Source:
 
     def machine(self) -> Any:
         """Returns the Robot; says so if kernels must be compiled."""
-        from snakegen.kernels.jit import cold
-        from snakegen.modules import from_urdf
-        from snakegen.robot import load
+        from snakegen.kernels.core.jit import cold
+        from snakegen.robot.modules import from_urdf
+        from snakegen.robot.robot import load
 
         if sys.stderr.isatty() and cold():
             note("compiling kernels; the first run takes a minute or two, later ones find them")
@@ -99,9 +99,9 @@ class Stance:
 
     def of(self, robot: Any) -> tuple[Any, Any]:
         """Returns the robot and its q; the base of an arm is mounted as the posture says."""
-        from snakegen.base_mount import mounted
         from snakegen.errors import PostureError
-        from snakegen.posture import hover_gimbals, parse_joints, read_posture
+        from snakegen.robot.base_mount import mounted
+        from snakegen.robot.posture import hover_gimbals, parse_joints, read_posture
 
         given = read_posture(Path(self.posture)) if self.posture else {}
         given |= parse_joints(self.joints)
@@ -198,7 +198,7 @@ def at_least(least: int) -> Callable[[click.Context, click.Parameter, int | None
 
 def print_json(value: Any) -> None:
     """Writes plain data to stdout as JSON; NaN and infinity become null."""
-    from snakegen.report import plain
+    from snakegen.report.page import plain
 
     json.dump(plain(value), sys.stdout, indent=2, ensure_ascii=False, allow_nan=False)
     sys.stdout.write("\n")
@@ -206,7 +206,7 @@ def print_json(value: Any) -> None:
 
 def print_rows(title: str, rows: list[tuple[str, str]]) -> None:
     """Writes (label, text) rows under a title, aligned."""
-    from snakegen.report import text_table
+    from snakegen.report.page import text_table
 
     click.echo(text_table(title, rows, width=page_width()))
 

@@ -38,7 +38,7 @@ def result_lines(recording: Any, path: Path) -> list[str]:
 
     A run that failed tells its events too, for they say why.
     """
-    from snakegen.verify.outcome import outcome
+    from snakegen.simulation.recording.summary import outcome
 
     lines = [f"log: {path}"]
     if recording.meta.get("stopped"):

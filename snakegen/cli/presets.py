@@ -15,8 +15,8 @@ def presets(as_json: bool) -> None:
     Example:
       snakegen presets
     """
-    from snakegen.spec_file import load_spec
-    from snakegen.spec_file import presets as known
+    from snakegen.spec.loading import load_spec
+    from snakegen.spec.loading import presets as known
 
     about = {name: load_spec(name).about for name in known()}
     if as_json:
@@ -35,6 +35,6 @@ def schema() -> None:
     Example:
       snakegen schema > snakegen.schema.json
     """
-    from snakegen.spec_file import schema as text
+    from snakegen.spec.loading import schema as text
 
     click.echo(text())

@@ -111,7 +111,7 @@ def sweep(
     summary = _summary(read_columns(path, (column, "closed", "self_collision")), column)
     picture = None
     if drawn_over:
-        from snakegen.plot_sweep import sweep_map
+        from snakegen.report.sweep_maps import sweep_map
 
         picture = path.with_suffix(".png")
         sweep_map(picture, machine, read_columns(path, (*names, column)), column, drawn_over)
@@ -167,7 +167,7 @@ def _kept(path: Path) -> Iterator[None]:
 
 def _estimate(machine: Any, names: Any, drawn: Any, how: dict[str, Any]) -> str:
     """Returns the line that says what a long sweep will take."""
-    from snakegen.geometry import rotation_from_rpy
+    from snakegen.base.geometry import rotation_from_rpy
     from snakegen.sweep.batch import Body
     from snakegen.sweep.estimate import estimate, part_rows
     from snakegen.sweep.run import PART
@@ -178,7 +178,7 @@ def _estimate(machine: Any, names: Any, drawn: Any, how: dict[str, Any]) -> str:
 
 
 def _spec_text(source: Source) -> str:
-    from snakegen import yaml_file
+    from snakegen.base import yaml_file
 
     return "" if source.is_xml else yaml_file.dump(source.spec().resolved())
 
@@ -244,7 +244,7 @@ def _summary(found: Any, column: str) -> dict[str, Any]:
 def _refine(
     machine: Any, names: Any, base_rpy: str | None, tolerance: float, path: Path, column: str
 ) -> dict[str, Any]:
-    from snakegen.geometry import rotation_from_rpy
+    from snakegen.base.geometry import rotation_from_rpy
     from snakegen.sweep.batch import Body
     from snakegen.sweep.worst import refine, worst_rows
 

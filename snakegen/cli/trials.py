@@ -32,10 +32,10 @@ def fly_trials(
 ) -> int:  # fmt: skip
     """Flies trials, logs the worst to `path`, prints the outcome; returns the exit code."""
     from snakegen.log import write
-    from snakegen.verify.arm_run import movable
-    from snakegen.verify.arm_trials import arm_trials
-    from snakegen.verify.monte_carlo import fly_again, monte_carlo
-    from snakegen.verify.run import prepare
+    from snakegen.simulation.arm.run import movable
+    from snakegen.simulation.arm.trials import arm_trials
+    from snakegen.simulation.flight.run import prepare
+    from snakegen.simulation.monte_carlo import fly_again, monte_carlo
 
     if movable(machine):
         with progress as step:

@@ -13,10 +13,10 @@ from snakegen.control.gain_sets import axes_body, gain_set
 from snakegen.control.gains import Gains
 from snakegen.control.servos import gimbal_give, gimbal_limits, joint_limits
 from snakegen.errors import SnakegenError, SpecError, near
-from snakegen.kernels.control_tick import control_tick
-from snakegen.kernels.control_types import DUAL, VIRTUAL, Command, Law, Measured, State, Target
-from snakegen.kernels.tree import Gimbals, Rotors, Tree
-from snakegen.robot import GRAVITY, Robot
+from snakegen.kernels.control.control_tick import control_tick
+from snakegen.kernels.control.types import DUAL, VIRTUAL, Command, Law, Measured, State, Target
+from snakegen.kernels.core.types import Gimbals, Rotors, Tree
+from snakegen.robot.robot import GRAVITY, Robot
 
 MODES = {"virtual_single_rotor": VIRTUAL, "dual_rotor": DUAL}
 INTERNAL_TIME = (0.5, 0.02)  # s; slow beside the attitude loop; several ticks

@@ -7,9 +7,9 @@ import numpy as np
 
 from snakegen.control.controller import Controller
 from snakegen.control.gains import Floats
-from snakegen.kernels.chain import forward, mass_properties
-from snakegen.kernels.mode_allocation import wrench_scale
-from snakegen.kernels.vectoring import mounts
+from snakegen.kernels.allocation.gimbals import mounts
+from snakegen.kernels.allocation.mode_blending import wrench_scale
+from snakegen.kernels.kinematics.chain import forward, mass_properties
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,10 @@ import numpy as np
 from snakegen.control.controller import Controller, ControlRefused
 from snakegen.control.frame import CogFrame
 from snakegen.control.gains import Floats
-from snakegen.kernels.fully_actuated import wrench_of
-from snakegen.kernels.joint_loads import no_loads
-from snakegen.kernels.mode_allocation import allocate_virtual
-from snakegen.kernels.vectoring import joint_order
+from snakegen.kernels.allocation.fully_actuated import wrench_of
+from snakegen.kernels.allocation.gimbals import joint_order
+from snakegen.kernels.allocation.mode_blending import allocate_virtual
+from snakegen.kernels.dynamics.joint_loads import no_loads
 
 
 @dataclass(frozen=True, eq=False)

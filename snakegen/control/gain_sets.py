@@ -6,8 +6,8 @@ import numpy as np
 
 from snakegen.control.gains import Floats, Gains, gains_from
 from snakegen.errors import SpecError, near
-from snakegen.kernels.chain import forward
-from snakegen.robot import Robot
+from snakegen.kernels.kinematics.chain import forward
+from snakegen.robot.robot import Robot
 
 ROOT_AXES_UP_TO = 8  # links; longer bodies fly by the middle link's axes (THEORY A6)
 # [1/s², 1/s] of an axis that is moved by tilting the body alone (assumed): Table 5's position loop

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from snakegen.geometry import Floats
-from snakegen.kernels.mode_allocation import DUAL_SIGMA_MIN
-from snakegen.kernels.tree import Rotors
-from snakegen.words import body_axis, motions
+from snakegen.base.describe_motion import body_axis, motions
+from snakegen.base.geometry import Floats
+from snakegen.kernels.allocation.mode_blending import DUAL_SIGMA_MIN
+from snakegen.kernels.core.types import Rotors
 
 _ASSUMED_DRAG = 0.015  # m, with which rotors without a drag ratio are tried
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from snakegen.control.controller import Controller
 from snakegen.control.gains import Floats, Gains
 from snakegen.control.gimbal_reach import vectoring_share
-from snakegen.kernels.control_types import VIRTUAL
+from snakegen.kernels.control.types import VIRTUAL
 
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 NO_EFFECT = 1e-6  # sideways acceleration per g below which gimbals do not move an axis

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.control.gains import Floats, Gains
-from snakegen.kernels import pose_law
+from snakegen.kernels.control import pose_law
 
 
 def attitude_error(rotation: Any, wanted: Any) -> Floats:

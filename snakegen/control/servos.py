@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from snakegen.control.gains import Floats
-from snakegen.robot import Robot
+from snakegen.robot.robot import Robot
 
 SERVO_SHARE = 0.98  # of a joint servo's torque that the constrained allocator may plan with
 

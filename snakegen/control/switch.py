@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.base.describe_motion import body_axis, motions
 from snakegen.control import fully_actuated, underactuated
 from snakegen.control.controller import Controller, ControlRefused
 from snakegen.control.frame import CogFrame, cog_frame
 from snakegen.control.gains import Floats
 from snakegen.control.lost_motion import frame_loss
-from snakegen.kernels.control_types import DUAL, VIRTUAL
-from snakegen.kernels.fully_actuated import confinement, point_map
-from snakegen.kernels.mode_allocation import DUAL_SIGMA_MIN
-from snakegen.kernels.underactuated import level_axes, rotor_map
-from snakegen.kernels.vectoring import joint_order, thrust_line
-from snakegen.words import body_axis, motions
+from snakegen.kernels.allocation.fully_actuated import confinement, point_map
+from snakegen.kernels.allocation.gimbals import joint_order, thrust_line
+from snakegen.kernels.allocation.mode_blending import DUAL_SIGMA_MIN
+from snakegen.kernels.allocation.underactuated import level_axes, rotor_map
+from snakegen.kernels.control.types import DUAL, VIRTUAL
 
 UNMET = 1e-3  # of the weight, and of it times a link's length: a hover's residual
 

@@ -9,11 +9,11 @@ from snakegen.control.frame import CogFrame
 from snakegen.control.fully_actuated import Allocation
 from snakegen.control.gains import Floats
 from snakegen.control.lost_motion import frame_loss
-from snakegen.kernels.compliant import yielding_thrusts
-from snakegen.kernels.joint_loads import no_loads
-from snakegen.kernels.mode_allocation import DUAL_SIGMA_MIN
-from snakegen.kernels.mode_dual import allocate_dual
-from snakegen.kernels.underactuated import (
+from snakegen.kernels.allocation.compliance import yielding_thrusts
+from snakegen.kernels.allocation.dual_rotor import allocate_dual
+from snakegen.kernels.allocation.gimbals import joint_order
+from snakegen.kernels.allocation.mode_blending import DUAL_SIGMA_MIN
+from snakegen.kernels.allocation.underactuated import (
     horizontal,
     level_axes,
     rotor_map,
@@ -22,7 +22,7 @@ from snakegen.kernels.underactuated import (
     truncated_wrench,
     vectored_gimbals,
 )
-from snakegen.kernels.vectoring import joint_order
+from snakegen.kernels.dynamics.joint_loads import no_loads
 
 
 def attitude_for(controller: Controller, frame: CogFrame, force: Any, target: Any) -> Floats:

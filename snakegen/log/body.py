@@ -18,7 +18,7 @@ from snakegen.log import skeleton as sk
 from snakegen.log import style
 from snakegen.log.ground import log_ground
 from snakegen.log.scene import Scene, thrust_use
-from snakegen.verify.recording import Recording
+from snakegen.simulation.recording.recording import Recording
 
 Floats = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from typing import Any
 
 from snakegen.errors import LogError, SnakegenError
 from snakegen.log.read import read
-from snakegen.verify.metrics import metrics
-from snakegen.verify.recording import Recording
-from snakegen.verify.verdict import Verdict
-from snakegen.verify.worst_place import judged_verdict
+from snakegen.simulation.recording.metrics import metrics
+from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.verdict import Verdict
+from snakegen.simulation.recording.worst_place import judged_verdict
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from snakegen.verify.recording import Event
+from snakegen.simulation.recording.recording import Event
 
 PAUSE = 1.0  # s, after which the same text is news again
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from snakegen.log import style
 from snakegen.log.scene import Scene
-from snakegen.verify.recording import Recording
+from snakegen.simulation.recording.recording import Recording
 
 _RING = 0.025  # m, between the rings of a hole
 _LOW = 0.06  # m, up to which an obstacle is solid: walls and ceilings must not hide the body

@@ -18,7 +18,7 @@ import numpy as np
 
 from snakegen.errors import LogError
 from snakegen.log.store import decode, encode
-from snakegen.verify.recording import Recording
+from snakegen.simulation.recording.recording import Recording
 
 MAGIC = b"snakegen journal 1\n"
 _LENGTH = struct.Struct("<Q")

@@ -8,7 +8,7 @@ import numpy as np
 
 from snakegen.log import plots, style
 from snakegen.log.scene import Scene
-from snakegen.verify.recording import Recording
+from snakegen.simulation.recording.recording import Recording
 
 # Pages of plots, each a tab; a group that no page names goes to the last one.
 PAGES: tuple[tuple[str, tuple[str, ...]], ...] = (

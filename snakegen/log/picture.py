@@ -15,11 +15,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from snakegen.base.atomic_io import replace_whole
 from snakegen.errors import LogError, SnakegenError
-from snakegen.files import replace_whole
 from snakegen.log.read import read
 from snakegen.log.style import TIMELINE
-from snakegen.verify.recording import Recording
+from snakegen.simulation.recording.recording import Recording
 
 STARTING = 30.0  # s a viewer may take to answer
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from snakegen.base.atomic_io import replace_whole
 from snakegen.errors import LogError, SnakegenError
-from snakegen.files import replace_whole
 from snakegen.log import plots, style
 from snakegen.log.scene import Scene, scene, thrust_use
-from snakegen.verify.recording import Recording
+from snakegen.simulation.recording.recording import Recording
 
 Floats = NDArray[np.float64]
 SHOWN = (

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from snakegen.log import style
 from snakegen.log.scene import last_finite
 from snakegen.log.skeleton import angles_of, rotations_from_xyzw
-from snakegen.verify.recording import Recording
-from snakegen.verify.signals import attitude_error, position_error
+from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.signals import attitude_error, position_error
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from snakegen.log.checksum import is_sealed
 from snakegen.log.journal import is_journal, journal_of, read_journal
 from snakegen.log.store import decode, format_of
 from snakegen.log.write import ENTITY, identity
-from snakegen.verify.recording import Recording
+from snakegen.simulation.recording.recording import Recording
 
 
 def read(path: str | Path) -> Recording:

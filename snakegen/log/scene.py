@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from snakegen.log import skeleton as sk
 from snakegen.log import style
-from snakegen.verify.recording import Recording
+from snakegen.simulation.recording.recording import Recording
 
 Floats = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from snakegen.base.geometry import quaternion_xyzw, rotation_from_rpy
 from snakegen.errors import LogError
-from snakegen.geometry import quaternion_xyzw, rotation_from_rpy
 
 Floats = NDArray[np.float64]
 Poses = tuple[Floats, Floats]  # rotations (T, 3, 3), positions (T, 3)

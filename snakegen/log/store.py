@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from snakegen.base.memory import refuse_beyond
 from snakegen.errors import AnalysisError, LogError
-from snakegen.memory import refuse_beyond
-from snakegen.verify.recording import Channel, Event, Recording
-from snakegen.verify.verdict import Verdict
+from snakegen.simulation.recording.recording import Channel, Event, Recording
+from snakegen.simulation.recording.verdict import Verdict
 
 Floats = NDArray[np.float64]
 FORMAT = 2  # logs of format 1 have no checksum of the whole file

@@ -80,7 +80,7 @@ def standing_out(values: Floats, stride: int) -> Ints:
     rows = len(values)
     if stride == 1 or rows <= 2 * stride:
         return np.arange(rows)
-    from snakegen.kernels.history import farthest_rows
+    from snakegen.kernels.flight.run_history import farthest_rows
 
     index = farthest_rows(np.ascontiguousarray(values), stride)
     inner = index[(index > 0) & (index < rows - 1)]

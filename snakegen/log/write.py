@@ -7,12 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from snakegen.base.atomic_io import replace_whole
 from snakegen.errors import LogError, SnakegenError
-from snakegen.files import replace_whole
 from snakegen.log.checksum import placeholder, seal
 from snakegen.log.events import merged
 from snakegen.log.store import encode
-from snakegen.verify.recording import Recording
+from snakegen.simulation.recording.recording import Recording
 
 APPLICATION = "snakegen"
 ENTITY = "recording"

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from snakegen.base.atomic_io import folder_whole
 from snakegen.errors import DescriptionError
-from snakegen.files import folder_whole
-from snakegen.robot import Robot, load
+from snakegen.robot.robot import Robot, load
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def convert(
         GateError: MuJoCo and Pinocchio disagree by more than 1e-9.
         DescriptionError: no URDF, or one with errors; a mesh too large to read.
     """
-    from snakegen.description.lint import lint
+    from snakegen.linter.lint import lint
 
     path = Path(urdf)
     robot = load(path, modules=modules)
@@ -70,14 +70,14 @@ def _write(robot: Robot, folder: Path) -> tuple[Any, tuple[str, ...]]:
     """Writes the files; returns the figures of the check, and what a user should know."""
     import mujoco
 
-    from snakegen.description.base_mount import floor_height, supports
-    from snakegen.description.mjcf import decorate, scene
-    from snakegen.description.mjcf_files import load_model, write
-    from snakegen.description.urdf_import import importable
-    from snakegen.equivalence import compare
-    from snakegen.generate import refuse_differences
-    from snakegen.robot_arrays import base_link
-    from snakegen.start_contacts import contact_warnings
+    from snakegen.description.mjcf.base_mount import floor_height, supports
+    from snakegen.description.mjcf.decorate import decorate, scene
+    from snakegen.description.mjcf.files import load_model, write
+    from snakegen.description.mjcf.urdf_import import importable
+    from snakegen.pipeline.build import refuse_differences
+    from snakegen.pipeline.equivalence import compare
+    from snakegen.pipeline.start_contacts import contact_warnings
+    from snakegen.robot.arrays import base_link
 
     name, modules = robot.name, robot.modules
     ready = importable(robot.urdf, robot.folder)

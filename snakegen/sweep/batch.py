@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 import pyarrow as pa
 
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.geometry import Floats
-from snakegen.robot import GRAVITY, Robot
+from snakegen.robot.robot import GRAVITY, Robot
 from snakegen.sweep.worker import NUMBERS, Task, work
 
 MARGINS = (*NUMBERS, "self_collision")
@@ -81,7 +81,7 @@ def table(joints: tuple[str, ...], samples: Floats, numbers: Floats) -> pa.Table
 
 def _segments(robot: Robot) -> tuple[np.ndarray, Floats, Floats]:
     """Returns body, ends (L, 2, 3) and radius of each link's segment."""
-    from snakegen.description.solids_of import rod_radii
+    from snakegen.description.meshes.solids_of import rod_radii
 
     names = list(robot.modules.lengths)
     placed = [robot.body_of_link(n) for n in names]

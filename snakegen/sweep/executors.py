@@ -16,8 +16,8 @@ from concurrent.futures import (
 )
 from contextlib import contextmanager
 
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.geometry import Floats
 from snakegen.sweep.worker import Task, work
 
 RETRIES = 3  # how often a broken pool is made anew

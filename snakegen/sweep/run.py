@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from snakegen import __version__
-from snakegen.file_lock import exclusive
-from snakegen.geometry import Floats, rotation_from_rpy
-from snakegen.robot import Robot
+from snakegen.base.file_lock import exclusive
+from snakegen.base.geometry import Floats, rotation_from_rpy
+from snakegen.robot.robot import Robot
 from snakegen.sweep import executors
 from snakegen.sweep.batch import Body, table
 from snakegen.sweep.estimate import check_disk, part_rows

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from snakegen.base.geometry import Floats
+from snakegen.base.memory import refuse_beyond
 from snakegen.errors import AnalysisError, near
-from snakegen.geometry import Floats
-from snakegen.memory import refuse_beyond
-from snakegen.robot import Robot
+from snakegen.robot.robot import Robot
 
 KINDS = ("sobol", "lhs", "random", "walk", "grid")
 MOST = 50_000_000

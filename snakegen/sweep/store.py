@@ -15,8 +15,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from snakegen.base.atomic_io import replace_whole, write_atomically, writing
 from snakegen.errors import AnalysisError
-from snakegen.files import replace_whole, write_atomically, writing
 
 KEY = b"snakegen"
 PART_KEY = b"snakegen_part"

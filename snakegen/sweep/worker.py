@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from snakegen import __version__
+from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.geometry import Floats
-from snakegen.kernels.postures import hover_postures, self_distances
-from snakegen.kernels.tree import Gimbals, Ints, Rotors, Tree
-from snakegen.margins.force_sets import ForceSets
-from snakegen.margins.thrust import thrust_margins
-from snakegen.margins.vectored import set_margins
+from snakegen.kernels.core.types import Gimbals, Ints, Rotors, Tree
+from snakegen.kernels.margins.posture_batch import hover_postures, self_distances
+from snakegen.wrench_margins.force_sets import ForceSets
+from snakegen.wrench_margins.thrust import thrust_margins
+from snakegen.wrench_margins.vectored import set_margins
 
 CHUNK = 4096  # postures at a time inside a batch: bounds the memory
 NUMBERS = (

@@ -1,0 +1,1 @@
+"""Meshes and solids of a robot's parts."""

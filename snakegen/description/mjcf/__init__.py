@@ -1,0 +1,1 @@
+"""From a URDF to an MJCF: a file per element."""

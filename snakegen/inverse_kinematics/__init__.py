@@ -1,0 +1,1 @@
+"""Motions: paths of the tip, paths of the body, torques along them."""

@@ -1,0 +1,1 @@
+"""Wrench maps and control allocation, compiled."""

@@ -1,0 +1,1 @@
+"""Cable tensions, compiled."""

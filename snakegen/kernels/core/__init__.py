@@ -1,0 +1,1 @@
+"""The compiler decorator, stack arrays and small linear algebra."""

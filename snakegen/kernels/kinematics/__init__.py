@@ -1,0 +1,1 @@
+"""Chains, Jacobians and inverse kinematics, compiled."""

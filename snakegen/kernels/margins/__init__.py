@@ -1,0 +1,1 @@
+"""Facets, supports and searches of margins, compiled."""

@@ -1,0 +1,133 @@
+"""Largest ball round hover in a slice of a wrench set, bracketed by a growing polytope.
+
+As `sandwich`, for convex sets of any kind: see `slice_program`.
+"""
+
+import numpy as np
+
+from snakegen.kernels.core.jit import jit
+from snakegen.kernels.margins.force_sets import slack
+from snakegen.kernels.margins.inner_radius import insert, simplex
+from snakegen.kernels.margins.slice_program import maximise, new_basis, refresh, start
+
+POINTS = 300  # then the search says that it did not close
+GAP = 0.1  # of the tolerance: of one support
+FLAT = 1e-9  # share of the largest wrench below which a slice has no thickness
+FRESH = 8  # supports between two inversions of the basis
+
+
+@jit
+def section(torque):
+    """Returns H (3, 6), the rows that the torque slice, or the force slice, holds."""
+    held, first = np.zeros((3, 6)), 0 if torque else 3
+    for c in range(3):
+        held[c, first + c] = 1.0
+    return held
+
+
+@jit
+def radius(torque, sets, hull, hover, frame, tolerance, most, worst, outer):
+    """Returns (lower, upper, hull's upper, supports) of a slice's inner radius.
+
+    Args:
+        torque: the torque slice (force held), else the force slice.
+        sets: convex sets whose radius it is.
+        hull: sets that hold these, bounded by the twists that the search meets.
+        hover: (6,) scaled.
+        frame: (3, 3) orthonormal rows to start with.
+        tolerance: relative gap at which to stop.
+        most: supports after which to stop all the same.
+        worst, outer: (6,), filled: the twists of the two upper bounds.
+
+    Returns:
+        ``upper < 0`` proves hover out of reach; lower is -inf where it fails.
+    """
+    n, part = sets.faces.size, 3 if torque else 0
+    held, basis = section(torque), new_basis(3, n)
+    points, forces = np.empty((most + 4, 3)), np.empty((n, 3))
+    facets = np.empty((2 * most + 16, 3), np.int64)
+    planes, edges = np.empty((2 * most + 16, 4)), np.empty((6 * most + 24, 2), np.int64)
+    cost, twist, normal = np.zeros(6), np.zeros(6), np.zeros(3)
+    start(held, sets, hover, basis)
+    upper, beyond, size, count, lower = np.inf, np.inf, 0.0, 0, -np.inf
+    first = second = third = fourth = used = weakest = tries = 0
+    while used < most:
+        if used < 6:
+            sign = 1.0 if used % 2 == 0 else -1.0
+            normal[:] = sign * frame[used // 2]
+        elif count == 0:
+            count, first, second, third, fourth = simplex(points, used, facets, planes)
+            if count == 0:  # flat as yet: look across the plane of the points
+                if tries == 4:
+                    return 0.0, upper if upper > FLAT * size else 0.0, beyond, used
+                _across(points, first, second, third, frame, tries, normal)
+                tries += 1
+            else:
+                for q in range(used):
+                    if q not in (first, second, third, fourth):
+                        count, weakest = insert(
+                            points, q, facets, planes, count, edges, 1e-13 * size
+                        )
+                continue
+        else:
+            lower = planes[weakest, 3]
+            if upper - lower <= tolerance * upper:
+                break
+            normal[:] = planes[weakest, :3]
+        for c in range(3):
+            cost[part + c] = normal[c]
+        if used % FRESH == FRESH - 1:
+            refresh(held, basis)
+        below, above = maximise(cost, held, hover, sets, GAP * tolerance, basis, forces, twist)
+        if above < upper:
+            upper = above
+            worst[:] = twist
+        wider = slack(twist, hull, hover)
+        if wider < beyond:
+            beyond = wider
+            outer[:] = twist
+        if below == -np.inf or upper < -FLAT * max(size, 1e-3):
+            return -np.inf, upper, beyond, used
+        for c in range(3):
+            points[used, c] = -hover[part + c]
+        for j in range(n):
+            x, y, z = sets.points[j, 0], sets.points[j, 1], sets.points[j, 2]
+            f = forces[j]
+            if torque:
+                points[used, 0] += y * f[2] - z * f[1] + sets.points[j, 3] * f[0]
+                points[used, 1] += z * f[0] - x * f[2] + sets.points[j, 3] * f[1]
+                points[used, 2] += x * f[1] - y * f[0] + sets.points[j, 3] * f[2]
+            else:
+                for c in range(3):
+                    points[used, c] += f[c]
+        for c in range(3):
+            size = max(size, abs(points[used, c]))
+        used += 1
+        if count > 0:
+            if below - lower <= 1e-12 * size:
+                break
+            count, weakest = insert(points, used - 1, facets, planes, count, edges, 1e-13 * size)
+            lower = planes[weakest, 3]
+    return lower, upper, beyond, used
+
+
+@jit
+def _across(points, first, second, third, frame, tries, normal):
+    """Writes the unit normal (3,) of three points' plane, its sign by `tries`, for flat slices."""
+    a, b = points[second] - points[first], points[third] - points[first]
+    normal[0] = a[1] * b[2] - a[2] * b[1]
+    normal[1] = a[2] * b[0] - a[0] * b[2]
+    normal[2] = a[0] * b[1] - a[1] * b[0]
+    size = np.sqrt((normal**2).sum())
+    length = np.sqrt((a**2).sum())
+    if size <= 1e-9 * length * length or length == 0.0:  # a line, or a point: any way across it
+        least = 0
+        for c in range(3):
+            if abs(a[c]) < abs(a[least]):
+                least = c
+        normal[:] = 0.0
+        normal[least] = 1.0
+        if length > 0.0:
+            normal -= a * a[least] / length**2
+        size = np.sqrt((normal**2).sum())
+    normal *= (1.0 if tries % 2 == 0 else -1.0) / size

@@ -1,0 +1,1 @@
+"""Screw-drive constraints, compiled."""

@@ -1,0 +1,1 @@
+"""Findings on URDF and MJCF text."""

@@ -1,0 +1,1 @@
+"""A robot drawn, by MuJoCo or matplotlib."""

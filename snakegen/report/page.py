@@ -1,0 +1,171 @@
+"""The page that gathers every analysis of a robot in a posture: text, JSON, Markdown with plots."""
+
+import math
+import re
+import textwrap
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from snakegen import __version__
+from snakegen.analysis import catalogue
+from snakegen.base.atomic_io import check_writable, require_suffix, work_folder
+from snakegen.base.file_lock import exclusive
+from snakegen.base.folder_swap import move_files
+from snakegen.base.geometry import Floats, rpy_from_rotation
+from snakegen.base.rounding import rounded
+from snakegen.errors import AnalysisError, SnakegenError
+from snakegen.robot.posture import angles_by_name
+from snakegen.robot.robot import Robot
+
+MARKDOWN = (".md", ".markdown")
+_SHOWN = 8  # rows of an analysis on the one-screen page
+
+
+@dataclass(frozen=True)
+class Page:
+    """The results of all analyses that apply, by command, in report order."""
+
+    robot: Robot
+    q: Floats
+    results: dict[str, Any]
+
+
+def collect(robot: Robot, q: Floats) -> Page:
+    """Runs every analysis that applies to `robot` at q."""
+    results = {}
+    for command, entry in catalogue().items():
+        if not entry.report:
+            continue
+        module = entry.load()
+        if module.applies(robot):
+            results[command] = module.analyze(robot, q)
+    return Page(robot, q, results)
+
+
+def refuse(command: str, robot: Robot, analysis: Any) -> NoReturn:
+    """Raises the error of an analysis that does not apply to `robot`."""
+    reason = " ".join((analysis.applies.__doc__ or "").split()).rstrip(".")
+    raise AnalysisError(f"'{command}' does not apply to {robot.name}; it needs: {reason.lower()}.")
+
+
+def plain(value: Any) -> Any:
+    """Returns `value` with arrays as lists and NaN or infinity as None."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.bool_ | np.integer):
+        return value.item()
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def to_json(page: Page) -> dict[str, Any]:
+    """Returns the page as plain data: robot, posture, and each analysis under its command.
+
+    Numbers have ten digits of the largest of their list: those that no processor changes.
+    """
+    robot = page.robot
+    base, _ = robot.base_pose(page.q)
+    posture: dict[str, Any] = angles_by_name(robot, page.q)
+    if robot.floating:
+        posture["base_rpy"] = rpy_from_rotation(base).tolist()
+    out = {
+        "robot": robot.name,
+        "snakegen": __version__,
+        "urdf_sha256": robot.urdf_hash,
+        "posture_rad": posture,
+    }
+    found = {name: plain(result.to_json()) for name, result in page.results.items()}
+    return dict(rounded(plain(out) | found))
+
+
+def text_table(title: str, rows: list[tuple[str, str]], width: int = 100) -> str:
+    """Returns rows of (label, text) aligned under a title; long text wraps."""
+    labels = max((len(label) for label, _ in rows), default=0) + 2
+    lines = [title]
+    for label, text in rows:
+        room = max(width - labels - 2, 40)
+        wrapped = textwrap.wrap(tidy(text), room, subsequent_indent="  ") or [""]
+        lines.append(f"  {label:<{labels}}{wrapped[0]}")
+        lines += [" " * (labels + 2) + more for more in wrapped[1:]]
+    return "\n".join(lines)
+
+
+def tidy(text: str) -> str:
+    """Returns `text` with what rounding leaves of zero written as zero: 4e-17, -0, -0.00."""
+    text = re.sub(r"(?<![\w.])-?\d(?:\.\d+)?e-(?:1[3-9]|[2-9]\d|\d{3})\b", "0", text)
+    sign = "+" if re.search(r"(?<![\w.])\+\d", text) else ""
+    return re.sub(r"(?<![\w.])-(0(?:\.0+)?)(?![\d.e])", rf"{sign}\1", text)
+
+
+def text_page(page: Page, width: int = 100) -> str:
+    """Returns the page for a terminal: an analysis with many rows shows the first ones."""
+    parts = [heading(page)]
+    for name, result in page.results.items():
+        rows = result.rows()
+        hidden = len(rows) - _SHOWN
+        if hidden > 1:
+            rows = [*rows[:_SHOWN], ("…", f"{hidden} more: snakegen analyze {name}")]
+        parts.append(text_table(name, rows, width))
+    return "\n".join(parts)
+
+
+def heading(page: Page) -> str:
+    """Returns the robot, its base and the joints that are not at 0, in one line."""
+    robot = page.robot
+    bent = {n: a for n, a in angles_by_name(robot, page.q).items() if abs(a) > 5e-4}
+    shown = ", ".join(f"{n} {a:+.3f}" for n, a in bent.items()) or "all joints at 0"
+    return f"{robot.name}, {'floating' if robot.floating else 'fixed'} base; {shown}"
+
+
+def write_markdown(page: Page, path: Path) -> None:
+    """Writes the page as Markdown, its plots as PNG files beside it; all of them or none.
+
+    Raises:
+        SnakegenError: no Markdown suffix, or the folder cannot be made or written.
+    """
+    from snakegen.report.plots import plots
+
+    require_suffix(path, *MARKDOWN)
+    check_writable(path)
+    made = not path.parent.exists()
+    folder = path.resolve().parent
+    try:
+        shown = path.parent
+        with exclusive(path), work_folder(folder, path, shown=shown) as beside:
+            pictures = plots(page, beside, path.stem)
+            text = "\n".join(_markdown(page, path, pictures)) + "\n"
+            (beside / path.name).write_text(text, encoding="utf-8")
+            move_files(beside, folder)
+    except SnakegenError:
+        if made:
+            with suppress(OSError):
+                path.parent.rmdir()
+        raise
+
+
+def _markdown(page: Page, path: Path, pictures: dict[str, list[Path]]) -> list[str]:
+    """Returns the lines of the page that will stand at `path`."""
+    robot, about = page.robot, catalogue()
+    lines = [f"# {robot.name}", "", f"{heading(page)} (rad).", ""]
+    lines += [f"snakegen {__version__}, URDF {robot.urdf_hash[:12]}."]
+    if (path.parent / f"{robot.name}.png").is_file():
+        lines += ["", f"![{robot.name}]({robot.name}.png)"]
+    for name, result in page.results.items():
+        lines += ["", f"## {name}", "", about[name].help, "", "| | |", "|---|---|"]
+        lines += [f"| {_cell(label)} | {_cell(tidy(text))} |" for label, text in result.rows()]
+        for picture in pictures.get(name, []):
+            lines += ["", f"![{picture.stem.replace('_', ' ')}]({picture.name})"]
+    return lines
+
+
+def _cell(text: str) -> str:
+    return text.strip().replace("|", "\\|")

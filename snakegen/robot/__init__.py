@@ -1,0 +1,1 @@
+"""A robot as analyses read it: Pinocchio model, modules, configuration."""

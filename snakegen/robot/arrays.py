@@ -1,0 +1,216 @@
+"""The flat arrays of a robot, from its Pinocchio model and modules (kernels/core/types.py)."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from snakegen.base.geometry import Floats, quaternion_xyzw, rotation_from_rpy
+from snakegen.errors import DescriptionError, PostureError, near
+from snakegen.kernels.core.types import Gimbals, Rotors, Tree
+
+if TYPE_CHECKING:
+    from snakegen.robot.robot import Robot
+
+
+def tree_of(model: pin.Model, floating: bool) -> Tree:
+    """Returns the kinematic tree of a Pinocchio model; a free-flyer becomes body 0."""
+    first = 1 if floating else 0
+    count = model.njoints - first
+    q0 = pin.neutral(model)
+    prismatic = np.zeros(count, np.int64)
+    parent = np.full(count, -1, np.int64)
+    axis = np.zeros((count, 3))
+    axis[0, 0] = 1.0
+    rotation, translation = np.zeros((count, 3, 3)), np.zeros((count, 3))
+    rotation[0] = np.eye(3)
+    for i in range(1, count):
+        joint = model.joints[i + first]
+        if joint.nv != 1:
+            raise DescriptionError(
+                f"joint '{model.names[i + first]}' has {joint.nv} degrees of freedom; "
+                "snakegen takes revolute, continuous, prismatic and fixed joints."
+            )
+        data = joint.createData()
+        joint.calc(data, q0)
+        motion = np.asarray(data.S, float).reshape(6)
+        prismatic[i] = int(np.any(motion[:3]))
+        axis[i] = motion[:3] if prismatic[i] else motion[3:]
+        parent[i] = int(model.parents[i + first]) - first
+        rotation[i] = model.jointPlacements[i + first].rotation
+        translation[i] = model.jointPlacements[i + first].translation
+    bodies = [model.inertias[i + first] for i in range(count)]
+    if not floating:  # what is bolted to the world does not move: Pinocchio's sums leave it out
+        bodies[0] = pin.Inertia.Zero()
+    return Tree(
+        parent,
+        prismatic,
+        rotation,
+        translation,
+        axis,
+        np.array([b.mass for b in bodies], float),
+        np.array([b.lever for b in bodies], float),
+        np.array([b.inertia for b in bodies], float),
+    )
+
+
+def _settled(robot: "Robot", link: str, vector: Any = (0, 0, 1)) -> tuple[int, Floats, Floats]:
+    """Returns body, position and direction of a rotor, its spin joint counted as fixed."""
+    body, rotation, position = robot.body_of_link(link)
+    direction = rotation @ np.asarray(vector, float)
+    while body in robot.spinners:
+        if abs(abs(direction @ robot.tree.axis[body]) - 1.0) > 1e-6:
+            raise DescriptionError(
+                f"rotor '{link}': its own joint '{robot.joint_names[body - 1]}' does not turn "
+                "about its thrust axis; name the joint as roll or pitch, or fix the axis."
+            )
+        mount = robot.tree.rotation[body]
+        position = robot.tree.translation[body] + mount @ position
+        direction = mount @ direction
+        body = int(robot.tree.parent[body])
+    return body, position, direction
+
+
+def rotors_of(robot: "Robot") -> Rotors:
+    """Returns the rotors of `robot`, apparatus by apparatus, on the bodies that carry them."""
+    rows = [(j, r) for j, a in enumerate(robot.modules.apparatuses) for r in a.rotors]
+    placed = [_settled(robot, r.link, r.axis) for _, r in rows]
+    return Rotors(
+        np.array([p[0] for p in placed], np.int64),
+        np.array([p[1] for p in placed], float).reshape(-1, 3),
+        np.array([p[2] for p in placed], float).reshape(-1, 3),
+        np.array([r.drag_ratio for _, r in rows], float),
+        np.array([r.thrust_min for _, r in rows], float),
+        np.array([r.thrust_max for _, r in rows], float),
+        np.array([j for j, _ in rows], np.int64),
+    )
+
+
+def gimbals_of(robot: "Robot") -> Gimbals:
+    """Returns the apparatuses of `robot`: joints, thrust points and limits."""
+    n = len(robot.modules.apparatuses)
+    rotors = robot.rotors
+    link_body, thrust_body = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    roll_body, pitch_body = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
+    frames, points, axes = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+    limit = np.zeros(n)
+    for j, a in enumerate(robot.modules.apparatuses):
+        mine = np.flatnonzero(rotors.apparatus == j)
+        bodies = {int(b) for b in rotors.body[mine]}
+        if len(bodies) != 1:
+            raise DescriptionError(
+                f"apparatus {j + 1}: its rotors {a.rotor_links} stand on different moving bodies; "
+                "make them apparatuses of their own."
+            )
+        thrust_body[j] = bodies.pop()
+        points[j] = rotors.position[mine].mean(axis=0)
+        mean = rotors.axis[mine].mean(axis=0)
+        if np.linalg.norm(mean) < 1e-9:
+            raise DescriptionError(f"apparatus {j + 1}: its rotors push against each other.")
+        axes[j] = mean / np.linalg.norm(mean)
+        limit[j] = rotors.thrust_max[mine].sum()
+        roll_body[j] = robot.body_of_joint(a.roll) if a.roll else -1
+        pitch_body[j] = robot.body_of_joint(a.pitch) if a.pitch else -1
+        above = [b for b in (roll_body[j], pitch_body[j]) if b >= 0]
+        for joint, body in ((a.roll, roll_body[j]), (a.pitch, pitch_body[j])):
+            if body >= 0 and not _carries(robot.tree, int(body), int(thrust_body[j])):
+                raise DescriptionError(
+                    f"apparatus {j + 1}: joint '{joint}' does not turn its rotors {a.rotor_links}."
+                )
+        base = int(robot.tree.parent[min(above)]) if above else int(thrust_body[j])
+        link_body[j], frames[j] = base, np.eye(3)
+        if a.link is not None:
+            body, turned, _ = robot.body_of_link(a.link)
+            if body == base:
+                frames[j] = turned
+    return Gimbals(link_body, frames, roll_body, pitch_body, thrust_body, points, axes, limit)
+
+
+def _carries(tree: Tree, body: int, other: int) -> bool:
+    """Tells whether `other` is `body` or hangs on it."""
+    while other > body:
+        other = int(tree.parent[other])
+    return other == body
+
+
+def spinners_of(robot: "Robot") -> frozenset[int]:
+    """Returns the bodies that turn on a rotor's own shaft.
+
+    Such a joint is continuous, carries a rotor and no further joint, and is driven neither as a
+    gimbal nor by a servo.
+    """
+    rotors = [n for a in robot.modules.apparatuses for n in a.rotor_links]
+    held = {robot.body_of_link(n)[0] for n in rotors} - {0}
+    driven = robot.gimbal_names | {s.joint for s in robot.modules.servos}
+    parents = set(robot.tree.parent.tolist())
+    names = robot.joint_names
+    free = {b for b in held - parents if names[b - 1] not in driven}
+    model = robot.model
+    return frozenset(b for b in free if model.joints[model.getJointId(names[b - 1])].nq == 2)
+
+
+def base_link(robot: "Robot") -> str:
+    """Returns the first link that is a body: the root, or what is fixed to a root named world."""
+    if robot.root_link != "world":
+        return robot.root_link
+    for joint in ET.fromstring(robot.urdf).iterfind("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is not None and child is not None and parent.get("link") == "world":
+            return str(child.get("link"))
+    return robot.root_link
+
+
+def configuration_of(
+    robot: "Robot", posture: Mapping[str, Any], base_rpy: Any, base_position: Any
+) -> Floats:
+    """Returns q of a posture by joint names; see `Robot.configuration`."""
+    if not isinstance(posture, Mapping):
+        raise PostureError(
+            f"{robot.name}: a posture is a mapping, as in {{'joint1_yaw': 0.5}}, "
+            f"not of type {type(posture).__name__}."
+        )
+    given = dict(posture)
+    rpy = given.pop("base_rpy", base_rpy)
+    position = given.pop("base_position", base_position)
+    q = pin.neutral(robot.model)
+    if robot.floating:
+        q[:3] = _vector(position, "base_position")
+        q[3:7] = quaternion_xyzw(rotation_from_rpy(_vector(rpy, "base_rpy")))
+    elif np.any(_vector(rpy, "base_rpy")) or np.any(_vector(position, "base_position")):
+        raise PostureError(f"{robot.name} has a fixed base; mount it by base.pose of its spec.")
+    for name, value in given.items():
+        if name not in robot.joint_names:
+            known = (*robot.joint_names, "base_rpy", "base_position")
+            raise PostureError(f"{robot.name} has no joint '{name}'.{near(str(name), known)}")
+        angle = _finite(value, name)
+        joint = robot.model.joints[robot.model.getJointId(name)]
+        low = float(robot.model.lowerPositionLimit[joint.idx_q])
+        high = float(robot.model.upperPositionLimit[joint.idx_q])
+        if joint.nq == 2:
+            q[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
+            continue
+        if not low - 1e-9 <= angle <= high + 1e-9:
+            raise PostureError(
+                f"{robot.name}: {name} = {angle:g} is outside its limits {low:g} … {high:g}."
+            )
+        q[joint.idx_q] = angle
+    return q
+
+
+def _vector(value: Any, name: str) -> Floats:
+    out = np.asarray(value, dtype=object)
+    if out.shape != (3,):
+        raise PostureError(f"{name}: three numbers are needed, not {value!r}.")
+    return np.array([_finite(v, name) for v in out])
+
+
+def _finite(value: Any, name: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise PostureError(f"{name}: {value!r} is not a number.") from None
+    if isinstance(value, bool) or not np.isfinite(number):
+        raise PostureError(f"{name}: {value!r} is not a finite number.")
+    return number

@@ -1,0 +1,116 @@
+"""Postures: read from files, and completed with the gimbal angles of a hover."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from snakegen.base import yaml_file
+from snakegen.base.geometry import Floats
+from snakegen.errors import PostureError
+from snakegen.kernels.allocation.gimbals import mounts, point_thrust, thrust_line
+from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
+from snakegen.robot.robot import Robot
+
+
+def read_posture(path: Path) -> dict[str, Any]:
+    """Reads a posture file: YAML, joint names with angles in rad, ``base_rpy`` too."""
+    data = yaml_file.read(path)
+    if data is None:
+        return {}
+    if not isinstance(data, dict):
+        raise PostureError(f"{path.name}: a posture is a mapping, as in {{joint1_yaw: 0.5}}.")
+    return data
+
+
+def parse_joints(items: Iterable[str]) -> dict[str, float]:
+    """Returns the angles of ``name=value`` items."""
+    out: dict[str, float] = {}
+    for item in items:
+        name, equals, value = item.partition("=")
+        try:
+            out[name.strip()] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise PostureError(f"--joint '{item}': write name=value, as in joint1_yaw=0.5.")
+    return out
+
+
+def hover_gimbals(robot: Robot, q: Floats, up: Floats | None = None) -> Floats:
+    """Returns q with gimbal angles that point every apparatus' thrust up.
+
+    An apparatus whose gimbals cannot reach the vertical gets the nearest direction they can.
+
+    Args:
+        robot: the robot.
+        q: (nq,) configuration; its gimbal angles are where the search starts.
+        up: (3,) unit, world; the vertical if absent.
+    """
+    vertical = np.array([0.0, 0.0, 1.0]) if up is None else np.asarray(up, float)
+    return aim_gimbals(robot, q, np.tile(vertical, (robot.gimbals.link_body.size, 1)))[0]
+
+
+def aim_gimbals(
+    robot: Robot, q: Floats, directions: Floats, *, limited: bool = True
+) -> tuple[Floats, Floats]:
+    """Returns q with each apparatus' thrust turned to its direction, and the angles that remain.
+
+    Args:
+        robot: the robot.
+        q: (nq,) configuration; its gimbal angles are where the search starts.
+        directions: (Ñ, 3) unit, world.
+        limited: within the joints' limits; otherwise as if they turned all the way round.
+
+    Returns:
+        q (nq,), and (Ñ,) rad between thrust and direction: 0 where gimbals and limits allow it;
+        of an apparatus without gimbals, the angle of its fixed axis.
+    """
+    gimbals, rotors, tree = robot.gimbals, robot.rotors, robot.tree
+    count = gimbals.link_body.size
+    out, remaining = np.array(q), np.zeros(count)
+    if count == 0:
+        return out, remaining
+    base, origin = robot.base_pose(q)
+    angles = robot.angles(q)
+    rotation, position = forward(tree, base, origin, angles)
+    _, cog = centre_of_gravity(tree, rotation, position)
+    frames, _ = mounts(tree, rotors, gimbals, rotation, position, cog, base)
+    wanted = np.ascontiguousarray(directions @ base)
+    low, high, _ = robot.limits(robot.joint_names)
+    axis, point = np.empty(3), np.empty(3)
+    for j in range(count):
+        bodies = sorted(b for b in (gimbals.roll_body[j], gimbals.pitch_body[j]) if b >= 0)
+        last, lower, upper, found = np.zeros(2), np.full(2, -np.pi), np.full(2, np.pi), np.zeros(2)
+        turned = list(enumerate(bodies, 2 - len(bodies)))  # a single axis is the second of two
+        for k, body in turned:
+            last[k] = angles[body - 1]
+            if limited:
+                lower[k], upper[k] = low[body - 1], high[body - 1]
+        point_thrust(frames, j, wanted[j], last, lower, upper, found)
+        for k, body in turned:
+            set_angle(robot, out, robot.joint_names[body - 1], found[k])
+        thrust_line(frames, j, found, axis, point)
+        remaining[j] = 2.0 * np.arcsin(min(0.5 * float(np.linalg.norm(axis - wanted[j])), 1.0))
+    return out, remaining
+
+
+def set_angle(robot: Robot, q: Floats, name: str, angle: float) -> None:
+    """Writes the angle [rad] of joint `name` into q."""
+    joint = robot.model.joints[robot.model.getJointId(name)]
+    if joint.nq == 2:
+        q[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
+    else:
+        q[joint.idx_q] = angle
+
+
+def angles_by_name(robot: Robot, q: Floats) -> dict[str, float]:
+    """Returns the joint angles [rad] of q by name."""
+    return {n: float(a) for n, a in zip(robot.joint_names, robot.angles(q), strict=True)}
+
+
+def neutral(robot: Robot) -> Floats:
+    """Returns the configuration with every joint at 0."""
+    return np.array(pin.neutral(robot.model))

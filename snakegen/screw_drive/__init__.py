@@ -1,0 +1,1 @@
+"""Kinematics of screw-drive snakes (HA)."""

@@ -1,0 +1,174 @@
+"""Largest load that a body of drums holds on a plane: linear programs over its contact forces.
+
+A drum i carries a normal force ``N_i ≥ 0`` and a force ``|F_i| ≤ μ N_i`` along its wheels' axles; a
+caster's ball carries a normal force. With generalized coordinates [base twist; held joints]:
+
+    J_nᵀ N + J_aᵀ F + w₀ + t w₁ = [0; -τ],   |τ_j| ≤ effort of servo or motor
+
+The largest t over all N and F is an upper bound (any sharing of the load by the contacts). The
+lower bound, the figure, has the normal forces that servos and contacts share by their compliance:
+``K δ = (J_aᵀ F + J_nᵀ N + w)_δ``, ``J_n [ξ; δ] + ε N = -gap``; a contact whose force would become
+negative has lifted and carries no more. Both optima are certified by weak duality.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from snakegen.base.geometry import Floats
+from snakegen.screw_drive.ground_stance import COMPLIANCE, Stance
+
+Mask = NDArray[np.bool_]
+_UPRIGHT = (2, 3, 4)  # z, roll, pitch of the base twist: what normal forces hold
+_ACTIVE = 1e-7  # share of its scale at which a constraint counts as active
+
+
+@dataclass(frozen=True, eq=False)
+class HeldLoad:
+    """The largest factor t of a load, and the forces there.
+
+    Attributes:
+        factor: t; inf where nothing limits it, nan where the body does not even rest.
+        certified: bound of t by weak duality, t ≤ certified up to rounding.
+        normal: (k,) N of each contact.
+        along: (k,) N along the axles.
+        torque: (m,) N m of the held joints.
+        limits: names of what limits it: "friction of screw2", "lift of caster1 left" …
+    """
+
+    factor: float
+    certified: float
+    normal: Floats
+    along: Floats
+    torque: Floats
+    limits: tuple[str, ...]
+
+
+def held_load(
+    body: Stance, fixed: Floats, rising: Floats, friction: float, compliance: float = COMPLIANCE
+) -> HeldLoad:
+    """Returns the largest t of ``fixed + t rising`` with loads shared by compliance.
+
+    Contacts that lift are dropped one after the other as long as that holds more.
+
+    Args:
+        body: at rest on the plane.
+        fixed, rising: (6 + m,) generalized forces, gravity among them.
+        friction: μ; inf: wheels that cannot slip.
+        compliance: m/N of a contact.
+    """
+    active = _carrying(body, fixed, compliance)
+    best = _solve(body, fixed, rising, friction, active, compliance)
+    while np.isfinite(best.factor):
+        lifted = active & (best.normal <= _ACTIVE * max(1.0, float(best.normal.max())))
+        if not lifted.any() or (active & ~lifted).sum() < 3:
+            break
+        active = active & ~lifted
+        more = _solve(body, fixed, rising, friction, active, compliance)
+        if not more.factor > best.factor * (1 + 1e-6):
+            break
+        best = more
+    return best
+
+
+def upper_bound(body: Stance, fixed: Floats, rising: Floats, friction: float) -> HeldLoad:
+    """Returns the largest t for any sharing of the load by the contacts: none holds more."""
+    return _solve(body, fixed, rising, friction, np.ones(len(body.contacts), bool), None)
+
+
+def resting_loads(body: Stance, load: Floats, compliance: float = COMPLIANCE) -> Floats:
+    """Returns the normal forces (k,) [N] under a generalized load, without tangential forces."""
+    active = _carrying(body, load, compliance)
+    out = np.zeros(len(body.contacts))
+    constant, by_load, _ = _sharing(body, active, compliance)
+    out[active] = constant + by_load @ load
+    return out
+
+
+def _sharing(body: Stance, active: Mask, compliance: float) -> tuple[Floats, Floats, Floats]:
+    """Returns N of the active contacts as ``constant + by_load w + by_along F``."""
+    soft = np.flatnonzero(np.isfinite(body.stiffness))
+    index = np.concatenate([_UPRIGHT, 6 + soft])
+    J, many = body.normal[np.ix_(active, index)], int(active.sum())
+    K = np.zeros((len(index), len(index)))
+    K[3:, 3:] = np.diag(body.stiffness[soft])
+    left = np.block([[K, -J.T], [J, compliance * np.eye(many)]])
+    select = np.eye(body.normal.shape[1])[index]
+    right = np.zeros((len(left), 1 + select.shape[1]))
+    right[len(index) :, 0] = -body.gap[active]
+    right[: len(index), 1:] = select
+    found = np.linalg.lstsq(left, right, rcond=1e-13)[0][len(index) :]
+    by_load = found[:, 1:]
+    return found[:, 0], by_load, by_load @ body.along[body.drums].T
+
+
+def _carrying(body: Stance, load: Floats, compliance: float) -> Mask:
+    """Returns which contacts carry at rest: those that would pull are dropped, one at a time."""
+    active = np.ones(len(body.contacts), bool)
+    while active.sum() > 1:
+        constant, by_load, _ = _sharing(body, active, compliance)
+        force = constant + by_load @ load
+        if force.min() >= -1e-9 * max(1.0, float(force.max())):
+            break
+        active[np.flatnonzero(active)[int(force.argmin())]] = False
+    return active
+
+
+def _solve(
+    body: Stance,
+    fixed: Floats,
+    rising: Floats,
+    friction: float,
+    active: Mask,
+    compliance: float | None,
+) -> HeldLoad:
+    """Solves one program in [F of the drums; N of the active contacts; t]."""
+    drums = np.flatnonzero(body.drums)
+    carrying = np.flatnonzero(active)
+    n, k = len(drums), len(carrying)
+    forces = np.hstack([body.along[drums].T, body.normal[carrying].T])
+    equal = [np.hstack([forces[:6], rising[:6, None]])]
+    value = [-fixed[:6]]
+    if compliance is not None:
+        constant, by_load, by_along = _sharing(body, active, compliance)
+        equal.append(np.hstack([-by_along, np.eye(k), -(by_load @ rising)[:, None]]))
+        value.append(constant + by_load @ fixed)
+    rows, most, names = [], [], []
+    for i, drum in enumerate(drums):
+        where = np.flatnonzero(carrying == drum)
+        for sign in (1.0, -1.0) if np.isfinite(friction) or not where.size else ():
+            row = np.zeros(n + k + 1)
+            row[i] = sign
+            row[n + where] = -friction
+            rows.append(row)
+            most.append(0.0)
+            names.append(f"friction of {body.contacts[drum].name}")
+    joints = np.hstack([forces[6:], rising[6:, None]])
+    for j, name in enumerate(body.joints):
+        for sign in (1.0, -1.0):
+            rows.append(sign * joints[j])
+            most.append(body.effort[j] - sign * fixed[6 + j])
+            names.append(f"torque of {name}")
+    bounds = [(None, None)] * n + [(0.0, None)] * k + [(0.0, None)]
+    cost = np.zeros(n + k + 1)
+    cost[-1] = -1.0
+    A, b = np.array(rows), np.array(most)
+    Ae, be = np.vstack(equal), np.concatenate(value)
+    found = linprog(cost, A, b, Ae, be, bounds, method="highs")
+    shape = len(body.contacts)
+    if found.status != 0:
+        factor = np.inf if found.status == 3 else np.nan
+        nothing = np.zeros(shape)
+        return HeldLoad(factor, factor, nothing, nothing, np.zeros(len(body.joints)), ())
+    normal, along = np.zeros(shape), np.zeros(shape)
+    along[drums], normal[carrying] = found.x[:n], found.x[n : n + k]
+    weights = found.ineqlin.marginals
+    limits = [names[i] for i in np.flatnonzero(np.abs(weights) > 1e-9)]
+    lifted = np.flatnonzero(found.lower.marginals[n : n + k] > 1e-9)
+    limits += [f"lift of {body.contacts[carrying[i]].name}" for i in lifted]
+    bound = -(b @ weights + be @ found.eqlin.marginals)
+    torque = -(joints @ found.x + fixed[6:])
+    unique = tuple(dict.fromkeys(limits))
+    return HeldLoad(float(found.x[-1]), float(bound), normal, along, torque, unique)

@@ -1,0 +1,1 @@
+"""An arm moved by its servos."""

@@ -1,0 +1,322 @@
+"""A verification run of an arm: motion → MuJoCo by its servos → recording → verdict.
+
+Three torques stand side by side in the log: the servos' (`joint_torque`), the law's of the motion
+asked for (`joint_torque_law`) and MuJoCo's inverse dynamics of it (`joint_torque_inverse`); and the
+law's of the motion that the servos made, which needs no tracking to be good (`joint_torque_made`).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from snakegen import __version__
+from snakegen.base.geometry import Floats
+from snakegen.errors import AnalysisError, MissionError
+from snakegen.inverse_kinematics.friction import friction_of
+from snakegen.inverse_kinematics.motion import Motion
+from snakegen.inverse_kinematics.torques_along import Along, torques_along
+from snakegen.kernels.dynamics.inverse_dynamics import NO_LOADS, torques_batch
+from snakegen.kernels.kinematics.jacobians import tip_jacobian
+from snakegen.robot.robot import Robot
+from snakegen.simulation.arm.loop import Moved, move
+from snakegen.simulation.arm.plant import draw_arm, expected_tip_error
+from snakegen.simulation.flight.world import World, make_world
+from snakegen.simulation.monte_carlo import Spread
+from snakegen.simulation.recording.metrics import metrics
+from snakegen.simulation.recording.recording import Channel, Recording, channel
+from snakegen.simulation.recording.worst_place import judged_verdict
+from snakegen.statics.joint_torques import armature, finite
+from snakegen.statics.tip import Tip, find_tip
+
+STEP = 0.001  # s, of the simulation and of the servos' commands
+LOGGED = 0.002  # s, between rows of the log
+GAP = 0.0035  # of a servo's limit: torque that the law of the motion made may leave unexplained
+TIP_SIGMAS = 2.0  # expected errors of the tip that a run may have
+THRESHOLDS: dict[str, dict[str, Any]] = {
+    "completed": {"equals": True},
+    "finite": {"equals": True},
+    "joint_torque_use": {"at_most": 0.99},
+    "joint_tracking_max_rad": {"at_most": 0.05},
+    "inverse_gap_share": {"at_most": 1e-9},
+}
+IDEAL: dict[str, dict[str, Any]] = {"made_gap_share": {"at_most": 1e-6}}
+FOLLOWS: dict[str, dict[str, Any]] = {"torque_gap_share": {"at_most": 0.01}}
+FEED_FORWARD = {
+    "none": "none: the angle alone",
+    "speed": "speed: what damping takes",
+    "law": "speed and the torque of the model's law",
+}
+
+
+def movable(robot: Robot) -> bool:
+    """Tells whether a robot is an arm on a fixed base whose every chain joint has a servo."""
+    driven = {s.joint for s in robot.modules.servos}
+    return not robot.floating and bool(robot.chain_joints) and set(robot.chain_joints) <= driven
+
+
+def with_defaults(known: Mapping[str, Any], given: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Returns the options of a mission, its defaults where none are given."""
+    return {k: v[0] for k, v in known.items()} | dict(given or {})
+
+
+def run_arm(
+    robot: Robot,
+    motion: Motion,
+    *,
+    mission: str,
+    seed: int,
+    ideal: bool,
+    options: Mapping[str, Any],
+    tip: Tip | None = None,
+    tip_target: Callable[[Floats], Floats] | None = None,
+    tip_bound: float | None = None,
+    thresholds: Mapping[str, Any] | None = None,
+    facts: Mapping[str, Any] | None = None,
+    progress: Callable[[int, int], Any] | None = None,
+) -> Recording:
+    """Runs `motion` in MuJoCo and returns the judged recording.
+
+    Args:
+        robot: an arm, as `movable` says.
+        motion: of its chain.
+        mission: name.
+        seed: of the arm's hardware (`arm_plant.draw_arm`); the same seed gives the same run.
+        ideal: the arm is its model.
+        options: of the mission: gravity, lead, friction and its own; ``draw``, ranges and a
+            generator, draws the hardware in place of the seed (`arm_trials`).
+        tip: the point whose place is logged; the last link's end if absent.
+        tip_target: (T,) s → (T, 3) m, where it should be, where that is not simply where the motion
+            asked for has it.
+        tip_bound: m, between the tip and its target, of an arm that is its model; others may be
+            off by twice what default imperfections are expected to do (`expected_tip_error`).
+        thresholds: of the verdict, over the defaults; None takes a check out.
+        facts: what the mission wants in the log, as JSON.
+        progress: called with instants run and instants in all.
+
+    Raises:
+        MissionError: options that are none.
+        SnakegenError: as `torques_along`.
+    """
+    try:
+        gravity = finite(options.get("gravity", "0,0,-9.81"), (3,), "gravity")
+        known = friction_of(options.get("friction"), robot, motion.joints)
+        rub = known if known.present or options.get("friction") is not None else None
+    except AnalysisError as error:
+        raise MissionError(str(error)) from None
+    world = make_world(robot, timestep=STEP, floor=False)
+    world.model.dof_frictionloss[world.qvel[world.chain]] = 0.0  # the loop applies it, once
+    q = robot.configuration()
+    along = torques_along(robot, q, motion, motion.times(1.0 / STEP), gravity=gravity)
+    lead = str(options.get("lead", "law"))
+    drawn, trial = _drawn(world, options.get("draw"))
+    plant = draw_arm(world, rub, seed, ideal=ideal or trial is not None)
+    if trial is not None:
+        plant = replace(plant, friction=trial.rubbed(plant.friction))
+    rub = plant.friction
+    moved = move(
+        world, along, gravity, plant=plant, lead=lead,
+        simulated=None if trial is None else trial.model(world),
+        offset=0.0 if trial is None else trial.offset,
+        progress=progress,
+    )  # fmt: skip
+    made = _law_of(world, moved, gravity)
+    rows = np.arange(0, moved.ticks, round(LOGGED / STEP))
+    end = find_tip(robot) if tip is None else tip
+    channels = _channels(world, along, moved, made, end, tip_target, rows)
+    meta = {
+        "robot": robot.name,
+        "mission": mission,
+        "mode": f"servos led by {lead}",
+        "feed_forward": FEED_FORWARD[lead],
+        "seed": seed,
+        "ideal": ideal,
+        "version": __version__,
+        "weight_n": robot.force_scale,
+        "urdf": robot.urdf,
+        "urdf_sha256": robot.urdf_hash,
+        "rotors": [],
+        "limits": {"joint_torque": robot.limits(motion.joints)[2].tolist()},
+        "options": {k: v for k, v in options.items() if v is not None and k != "draw"},
+        "gravity_m_s2": gravity.tolist(),
+        "friction_n_m": list(rub.highest),
+        "stopped": moved.stopped,
+        "planned_s": float(along.time[-1]),
+        "facts": dict(facts or {})
+        | {"arm_plant": None if ideal or trial is not None else plant.facts(world)},
+    } | ({"drawn": drawn} if drawn else {})
+    recording = Recording(along.time[rows], channels, (), meta, arm_report(channels))
+    found = metrics(recording) | {"completed": not moved.stopped}
+    # Friction holds joints back where they turn round: then only the motion made is comparable.
+    bounds: dict[str, Any] = dict(THRESHOLDS)
+    if ideal:
+        bounds |= IDEAL | ({} if rub.present or lead != "law" else FOLLOWS)
+    else:  # independent masses add up to about half of what they would all together
+        use = np.abs(along.torque()) / np.maximum(meta["limits"]["joint_torque"], 1e-12)
+        bounds["made_gap_use"] = {"at_most": GAP + 0.5 * Spread().mass * float(use.max())}
+    if tip_bound is not None:
+        off = 0.0 if ideal else TIP_SIGMAS * expected_tip_error(world, along, end)
+        bounds["position_max_m"] = {"at_most": max(tip_bound, off)}
+    bounds |= dict(thresholds or {})
+    if not ideal and bounds.get("torque_gap_share"):
+        del bounds["torque_gap_share"]
+    return recording.judged(found, judged_verdict(recording, found, bounds))
+
+
+def arm_metrics(recording: Recording) -> dict[str, Any]:
+    """Returns the numbers of an arm's run, from its log alone.
+
+    ``torque_gap_share``: the servos' torque and friction against the law of the motion asked for,
+    largest over joints and time, as a share of each joint's peak; ``made_gap_share`` against the
+    law of the motion made; ``inverse_gap_share``: MuJoCo's inverse dynamics against the law.
+    ``made_gap_use`` is the second gap as a share of each servo's limit.
+    ``friction_gap_n_m``: the servos' torque against the law without friction, ``_turning`` within
+    50 ms of a joint's turning round, ``_moving`` when it is faster than half its top speed.
+    """
+    law = recording.channel("joint_torque_law").values
+    servo = recording.channel("joint_torque").values
+    rubbed = servo + recording.channel("joint_friction").values
+    peak = np.maximum(np.abs(law).max(axis=0), 1e-12)
+    peak = np.where(peak > 1e-9 * peak.max(), peak, np.inf)  # a joint that bears nothing
+    ways = {
+        "torque_gap_share": rubbed - law,
+        "made_gap_share": rubbed - recording.channel("joint_torque_made").values,
+        "inverse_gap_share": recording.channel("joint_torque_inverse").values - law,
+    }
+    out: dict[str, Any] = {k: float(np.max(np.abs(v) / peak)) for k, v in ways.items()}
+    limit = np.maximum(np.asarray(recording.meta["limits"]["joint_torque"], float), 1e-12)
+    out["made_gap_use"] = float(np.max(np.abs(ways["made_gap_share"]) / limit))
+    time = recording.time
+    out["joint_torque_rms_n_m"] = np.sqrt(np.trapezoid(servo**2, time, axis=0) / np.ptp(time))
+    power = recording.channel("joint_power").values
+    out["joint_power_max_w"] = float(np.max(np.abs(power)))
+    if recording.meta.get("friction_n_m", [0.0])[0] > 0:
+        rate = recording.channel("joint_rate").values
+        turning = _near_turning(time, rate, 0.05)
+        moving = np.abs(rate) > 0.5 * np.abs(rate).max(axis=0)
+        gap = np.abs(servo - law)
+        for name, where in (("turning", turning), ("moving", moving)):
+            out[f"friction_gap_{name}_n_m"] = float(np.max(gap[where])) if where.any() else None
+    return out
+
+
+def arm_report(channels: Mapping[str, Channel]) -> str:
+    """Returns peaks of the servos' and the law's torques side by side, as Markdown."""
+    law, servo = (channels[n].values for n in ("joint_torque_law", "joint_torque"))
+    lines = ["| joint | law, peak N·m | servo, peak N·m | RMS N·m | apart, share of peak |"]
+    lines.append("|---|---|---|---|---|")
+    for j, name in enumerate(channels["joint_torque"].labels):
+        a, b = np.abs(law[:, j]).max(), np.abs(servo[:, j]).max()
+        gap = np.abs(servo[:, j] - law[:, j]).max() / max(a, 1e-12)
+        rms = float(np.sqrt(np.mean(servo[:, j] ** 2)))
+        lines.append(f"| {name} | {a:.4g} | {b:.4g} | {rms:.4g} | {100 * gap:.2g} % |")
+    return "\n".join(lines)
+
+
+def _near_turning(time: Floats, rate: Floats, span: float) -> Any:
+    """Returns (T, k) booleans: within `span` s of a change of sign of a joint's rate."""
+    turned = np.zeros(rate.shape, bool)
+    for j in range(rate.shape[1]):
+        for k in np.flatnonzero(np.diff(np.sign(rate[:, j])) != 0):
+            turned[np.abs(time - time[k]) <= span, j] = True
+    return turned
+
+
+def _law_of(world: World, moved: Moved, gravity: ArrayLike) -> Floats:
+    """Returns the law's torques (T, k) [N m] of the motion that the servos made."""
+    robot, m, n = world.robot, moved.ticks, len(world.robot.joint_names)
+    v, a = np.zeros((2, m, 6 + n))
+    v[:, 6 + world.chain], a[:, 6 + world.chain] = moved.rates, moved.accelerations
+    base = np.repeat(np.eye(3)[None], m, axis=0)
+    angles = np.ascontiguousarray(moved.qpos[:, world.qpos])
+    out = torques_batch(
+        robot.tree, armature(robot), np.asarray(gravity, float), base, angles, v, a, NO_LOADS
+    )
+    return np.asarray(out[:, 6 + world.chain])
+
+
+def _drawn(world: World, given: Any) -> tuple[dict[str, float], Any]:
+    """Returns what was drawn for a run, in numbers for its log, and the draw; none without."""
+    if given is None:
+        return {}, None
+    from snakegen.simulation.arm.trials import draw
+
+    plant = draw(world, *given)
+    moving = world.model.body_mass
+    numbers = {
+        "mass": float(moving @ plant.mass / moving.sum()),
+        "friction_max_Nm": float(plant.friction.max()),
+        "stiffness_min": float(plant.stiffness.min()),
+        "offset_max_rad": float(np.abs(plant.offset).max()),
+    }
+    return numbers, plant
+
+
+def _channels(
+    world: World,
+    along: Along,
+    moved: Moved,
+    made: Floats,
+    tip: Tip,
+    tip_target: Callable[[Floats], Floats] | None,
+    rows: Any,
+) -> dict[str, Channel]:
+    """Returns what is logged, every `LOGGED`-th step."""
+    names, robot = list(along.joints), world.robot
+    angles = moved.qpos[:, world.qpos]
+    asked = angles.copy()
+    asked[:, world.chain] = along.angles[: moved.ticks]
+    law = along.torque()[: moved.ticks]
+    goal = tip_target(along.time[rows]) if tip_target else _tips(robot, asked[rows], tip)
+
+    def per_joint(name: str, values: Floats, **more: Any) -> Channel:
+        return channel(name, values[rows], names, **more)
+
+    def torque(name: str, values: Floats, group: str, meaning: str) -> Channel:
+        return per_joint(name, values, unit="N·m", group=group, meaning=meaning)
+
+    rate = {"unit": "rad/s", "group": "joint rate", "meaning": "rate of each joint"}
+    watt = {"unit": "W", "group": "joint power", "meaning": "mechanical power of each servo"}
+    by_law = "joint torque by the law"
+    return {
+        "position": channel("position", _tips(robot, angles[rows], tip), meaning="the tip"),
+        "position_target": channel("position_target", goal, meaning="where the tip should be"),
+        "q": channel("q", world.configurations(moved.qpos[rows]), _q_labels(robot)),
+        "joint_angle": per_joint("joint_angle", angles[:, world.chain]),
+        "joint_command": per_joint("joint_command", along.angles[: moved.ticks]),
+        "joint_rate": per_joint("joint_rate", moved.rates, **rate),
+        "joint_torque": per_joint("joint_torque", moved.torque),
+        "joint_torque_law": torque(
+            "joint_torque_law", law, by_law, "the law's, of the motion asked for"
+        ),
+        "joint_torque_gap": torque(
+            "joint_torque_gap", moved.torque - law, "joint torque gap", "servos less law"
+        ),
+        "joint_torque_inverse": torque(
+            "joint_torque_inverse", moved.inverse, "inverse dynamics", "MuJoCo's, of the same"
+        ),
+        "joint_torque_made": torque(
+            "joint_torque_made", made, "law of the motion made", "the law's, of the motion made"
+        ),
+        "joint_friction": torque("joint_friction", moved.friction, "joint friction", "dry"),
+        "joint_power": per_joint("joint_power", moved.torque * moved.rates, **watt),
+    }
+
+
+def _tips(robot: Robot, angles: Floats, tip: Tip) -> Floats:
+    """Returns the tip's places (T, 3) [m] from the base origin."""
+    flat = np.ascontiguousarray(angles)
+    return np.array(
+        [tip_jacobian(robot.tree, np.eye(3), row, tip.body, tip.point)[0] for row in flat]
+    )
+
+
+def _q_labels(robot: Robot) -> list[str]:
+    """Returns the labels of q: joint names, two of a joint that has cos and sin."""
+    out: list[str] = []
+    for name in robot.joint_names:
+        two = robot.model.joints[robot.model.getJointId(name)].nq == 2
+        out += [f"{name}:cos", f"{name}:sin"] if two else [name]
+    return out

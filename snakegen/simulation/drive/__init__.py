@@ -1,0 +1,1 @@
+"""A drive on passive wheels: plants, gait, metrics."""

@@ -1,0 +1,242 @@
+"""From the rows of a drive to its judged recording."""
+
+from typing import Any
+
+import numpy as np
+
+from snakegen import __version__
+from snakegen.base.geometry import Floats
+from snakegen.errors import MissionError
+from snakegen.robot.robot import Robot
+from snakegen.screw_drive.geometry import yaw_joints
+from snakegen.screw_drive.kinematics import ScrewGeometry
+from snakegen.simulation.drive.plan import DrivePlan, rates
+from snakegen.simulation.drive.run import Driven, Progress, pitch_joints, run_contact, run_kinematic
+from snakegen.simulation.recording.metrics import metrics
+from snakegen.simulation.recording.recording import Channel, Event, Recording, channel
+from snakegen.simulation.recording.worst_place import judged_verdict
+
+DRIVE_THRESHOLDS: dict[str, dict[str, Any] | None] = {
+    "completed": {"equals": True},
+    "finite": {"equals": True},
+    "distance_excess_m": {"at_most": 0.02},
+    "tilt_max_rad": {"at_most": 0.2, "channel": "wheel_load"},
+    "slip_mean_m_s": {"at_most": 0.02},
+    "cone_use_mean": {"at_most": 0.9, "channel": "wheel_load"},
+    "screw_rate_use": {"at_most": 1.0},
+    "screw_torque_use": {"at_most": 0.99, "channel": "screw_torque"},
+    "joint_torque_use": {"at_most": 0.99, "channel": "joint_torque"},
+}
+PASSAGE: dict[str, dict[str, Any] | None] = {"path_share": {"at_least": 1.0}}
+"""Of missions that show a passage: what was not reached was not shown."""
+FROM_PATH: dict[str, dict[str, Any] | None] = {
+    "distance_rmse_m": {"at_most": 0.01},
+    "shape_rmse_rad": {"at_most": 0.05},
+}
+"""Tracking of a drive that starts on its path: judged over the whole run."""
+FROM_ASIDE: dict[str, dict[str, Any] | None] = {
+    "distance_rmse_settled_m": {"at_most": 0.01},
+    "shape_rmse_settled_rad": {"at_most": 0.05},
+}
+"""Tracking of a drive that starts off its path: judged after HA's start error has decayed."""
+ON_PATH = 1e-6  # m, rad: a start that differs from the reference by less is on it
+DRAWN = 25.0  # Hz, of the configuration: the eye needs no more, and wheels are many
+
+
+def drive(
+    robot: Robot,
+    mission: str,
+    plan: DrivePlan,
+    *,
+    plant: str = "contact",
+    seed: int = 0,
+    ideal: bool = False,
+    rollers: str | None = None,
+    progress: Progress = None,
+    more: dict[str, Any] | None = None,
+) -> Recording:
+    """Drives a plan in one of the two plants and returns the judged recording.
+
+    Args:
+        robot: with two drums or more.
+        mission: its name, for the log.
+        plan: what to do.
+        plant: "contact" or "kinematic".
+        seed: of the sensors' noise; the kinematic plant has none.
+        ideal: perfect sensors.
+        rollers: contact representation in place of the robot's own.
+        progress: called with ticks driven and ticks in all.
+        more: metrics that this run alone does not show, from a run to compare with.
+
+    Raises:
+        MissionError: ground or pitch motion in the kinematic plant, or no such plant.
+    """
+    if plant == "kinematic":
+        driven = run_kinematic(robot, plan, progress)
+    else:
+        driven = run_contact(
+            robot, plan, seed=seed, ideal=ideal, rollers=rollers, progress=progress
+        )
+    gain = np.broadcast_to(np.asarray(plan.gain, float), plan.start.shape).tolist()
+    meta = {
+        "mission": mission,
+        "seed": seed,
+        "mode": "screw drive",
+        "drive_plant": plant,
+        "rollers": rollers or robot.modules.screws[0].rollers if plant == "contact" else "",
+        "ideal": ideal or plant == "kinematic",
+        "gain_1_s": gain,
+        "feedback": plan.feedback,
+        "reference_s": plan.reference.duration,
+        "stopped": driven.stopped,
+        "planned_s": plan.duration,
+        "facts": plan.facts,
+        "obstacles": [vars(b) for b in plan.obstacles],
+    }
+    return judge(record(driven, meta), plan.thresholds, more)
+
+
+def judge(
+    recording: Recording,
+    thresholds: dict[str, dict[str, Any] | None],
+    more: dict[str, Any] | None = None,
+) -> Recording:
+    """Returns the recording with its metrics and verdict; a run cut short does not pass.
+
+    Nor does one that starts off its path and ends before its start error has decayed.
+    """
+    found = metrics(recording) | (more or {})
+    found["completed"] = not recording.meta["stopped"]
+    error = recording.channel("state_error").values[0]
+    tracking = FROM_PATH if float(np.abs(error).max()) < ON_PATH else FROM_ASIDE
+    tracking = {k: v for k, v in tracking.items() if error.size > 3 or "shape" not in k}
+    bounds = DRIVE_THRESHOLDS | tracking | thresholds
+    return recording.judged(found, judged_verdict(recording, found, bounds))
+
+
+def beside_open_ground(free: dict[str, Any]) -> dict[str, Any]:
+    """Returns the figures of the same drive on open ground, named so.
+
+    Raises:
+        MissionError: a drive that touched nothing.
+    """
+    if "wheel_load_max_n" not in free:
+        raise MissionError("the kinematic plant knows flat ground alone; use plant=contact.")
+    names = ("distance_rmse_m", "distance_end_m", "screw_torque_max_n_m", "wheel_load_max_n")
+    return {f"open_ground_{name}": free[name] for name in (*names, "cone_use_mean")}
+
+
+def record(driven: Driven, meta: dict[str, Any]) -> Recording:
+    """Returns the recording of a drive."""
+    robot, g, rows = driven.robot, driven.geometry, driven.rows
+    time, base = rows["time"], rows["base"]
+    names = _Names(robot)
+    at = [robot.joint_names.index(n) for n in names.joints]
+    channels = _pose(rows, g, robot)
+    slow = np.arange(0, len(time), max(1, round(1.0 / (DRAWN * (time[1] - time[0])))))
+    q = configurations(robot, base[slow], rows["joints"][slow])
+    channels["q"] = channel("q", q, names.q, time=time[slow])
+    channels["joint_angle"] = channel("joint_angle", rows["joints"][:, at], names.joints)
+    channels["screw_rate"] = channel("screw_rate", rows["rate"], names.screws)
+    asked = rows["command"][:, : g.units]
+    channels["screw_rate_command"] = channel(
+        "screw_rate_command",
+        asked,
+        names.screws,
+        unit="rad/s",
+        group="screw rates asked",
+        meaning="rate asked of each screw",
+    )
+    channels["slip"] = channel("slip", rows["slip"], names.screws)
+    error = rows["state"] - rows["desired"]
+    labels = ["x", "y", "heading", *(n.removesuffix("_yaw") for n in yaw_joints(robot))]
+    channels["state_error"] = channel(
+        "state_error",
+        error,
+        labels,
+        unit="m, rad",
+        group="state error",
+        meaning="e = w − w_d of HA eq 8",
+    )
+    channels |= _contact(rows, names)
+    events = tuple(Event(*e) for e in sorted(driven.events))
+    return Recording(time, channels, events, _meta(robot, names, meta))
+
+
+def _pose(rows: dict[str, Floats], g: ScrewGeometry, robot: Robot) -> dict[str, Channel]:
+    """Returns the head's place and heading, and where they should be."""
+    desired, base = rows["desired"], rows["base"]
+    goal = np.zeros((len(desired), 3))
+    goal[:, :2], goal[:, 2] = desired[:, :2], g.r
+    turn = np.zeros((len(desired), 4))
+    turn[:, 2], turn[:, 3] = np.sin(desired[:, 2] / 2), np.cos(desired[:, 2] / 2)
+    return {
+        "position": channel("position", base[:, :3]),
+        "position_target": channel("position_target", goal),
+        "attitude": channel("attitude", base[:, 3:], meaning="root link, quaternion xyzw"),
+        "attitude_target": channel("attitude_target", turn),
+    }
+
+
+def _contact(rows: dict[str, Floats], names: "_Names") -> dict[str, Channel]:
+    """Returns what only contact has: torques, loads, friction use, forces of the ground."""
+    if "load" not in rows:
+        return {}
+    out = {
+        "joint_torque": channel("joint_torque", rows["torque"], names.joints),
+        "joint_command": channel("joint_command", rows["asked"], names.joints),
+    }
+    spatial = [f"{s}_{axis}" for s in names.screws for axis in "xyz"]
+    for name, row, labels, unit, group, meaning in (
+        ("screw_torque", "screw_torque", names.screws, "N·m", "screw torque", "of each motor"),
+        ("wheel_load", "load", names.screws, "N", "contact", "normal force on each drum"),
+        ("cone_use", "cone_use", names.screws, "1", "friction use", "tangential / (μ normal)"),
+        ("contact_point", "contact_point", spatial, "m", "contact point", "mean of each drum"),
+        ("contact_force", "contact_force", spatial, "N", "contact force", "ground on each drum"),
+    ):
+        out[name] = channel(name, rows[row], labels, unit=unit, group=group, meaning=meaning)
+    return out
+
+
+class _Names:
+    """Labels of the channels."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.screws = [s.joint for s in robot.modules.screws]
+        driven = {*yaw_joints(robot), *pitch_joints(robot)}
+        self.joints = [n for n in robot.chain_joints if n in driven]
+        self.q = ["x", "y", "z", "qx", "qy", "qz", "qw"]
+        for name in robot.joint_names:
+            two = robot.model.joints[robot.model.getJointId(name)].nq == 2
+            self.q += [f"{name}:cos", f"{name}:sin"] if two else [name]
+
+
+def configurations(robot: Robot, base: Floats, joints: Floats) -> Floats:
+    """Returns q (T, nq) in Pinocchio's order from base poses (T, 7) and joint angles (T, n−1)."""
+    out = np.zeros((len(base), robot.model.nq))
+    out[:, :7] = base
+    for i, name in enumerate(robot.joint_names):
+        joint = robot.model.joints[robot.model.getJointId(name)]
+        angle = joints[:, i]
+        if joint.nq == 2:
+            out[:, joint.idx_q], out[:, joint.idx_q + 1] = np.cos(angle), np.sin(angle)
+        else:
+            out[:, joint.idx_q] = angle
+    return out
+
+
+def _meta(robot: Robot, names: _Names, meta: dict[str, Any]) -> dict[str, Any]:
+    """Returns what the log says about the run beside its signals."""
+    efforts = robot.limits(names.joints)[2]
+    return {
+        "robot": robot.name,
+        "version": __version__,
+        "weight_n": robot.force_scale,
+        "urdf": robot.urdf,
+        "urdf_sha256": robot.urdf_hash,
+        "limits": {
+            "joint_torque": efforts.tolist(),
+            "screw_torque": [s.torque for s in robot.modules.screws],
+            "screw_rate": rates(robot)[0],
+        },
+    } | meta

@@ -1,0 +1,1 @@
+"""A flight in MuJoCo: plant, controller loop, trim."""

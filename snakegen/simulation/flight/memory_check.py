@@ -1,0 +1,34 @@
+"""Whether a run's samples fit into memory, told before it is begun."""
+
+from snakegen.base.memory import refuse_beyond, room
+from snakegen.robot.robot import Robot
+from snakegen.simulation.arm.run import STEP
+
+# Peak bytes a tick and degree of freedom, from plan to written log: 235 … 333 measured of dragon4
+# and its stretch to 8 links (10 … 400 s), 361 of screw4 (wheels count as none), 132 of arm6.
+BYTES = 400
+
+
+def refuse_too_long(robot: Robot, seconds: float, at_once: int = 1) -> None:
+    """Refuses a run whose samples would not fit into memory.
+
+    Args:
+        robot: that flies, drives or moves.
+        seconds: s, its duration; what is no duration is left to the mission.
+        at_once: runs side by side.
+
+    Raises:
+        AnalysisError: too long, with what would fit.
+    """
+    if not seconds > 0:
+        return
+    rate = float(robot.modules.control.get("attitude_rate", 200.0)) if robot.floating else 1 / STEP
+    freedoms = 6 + len(robot.chain_joints) + len(robot.gimbal_names) + len(robot.modules.screws)
+    second = BYTES * rate * freedoms * at_once
+    fits = int(0.9 * room() / second)  # by the time it is tried less may be free
+    side_by_side = f", {at_once} side by side," if at_once > 1 else ""
+    refuse_beyond(
+        second * seconds,
+        f"{robot.name}: a run of {seconds:g} s{side_by_side}",
+        f"--duration {fits} would fit" if fits > 0 else "a shorter chain would",
+    )

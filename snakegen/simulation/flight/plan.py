@@ -1,0 +1,179 @@
+"""Plans: what a mission asks for at every tick, sampled before the run starts."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from snakegen.base.geometry import Floats
+from snakegen.errors import MissionError
+
+PEAK_RATE = 15.0 / 8.0  # largest slope of the quintic below
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Rotors that stop at `time` [s]; the controller learns of it at `detected` [s]."""
+
+    time: float
+    detected: float
+    rotors: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Box:
+    """An obstacle: centre and half sizes [m], turned from the world's axes by `roll` about x."""
+
+    name: str
+    centre: tuple[float, float, float]
+    half: tuple[float, float, float]
+    roll: float = 0.0  # rad
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """References over a run of T ticks, and where it starts.
+
+    Attributes:
+        time: (T,) s.
+        position, velocity, acceleration: (T, 3) of the CoG, world.
+        rotation: (T, 3, 3) attitude of the CoG frame.
+        angular: (T, 3) rad/s, its own axes.
+        joints: (T, k) rad, of the joints that shape the body.
+        start: (nq,) configuration at t = 0.
+        on_floor: whether the run starts at rest on the floor, rotors off.
+        window: s, from and to, that the metrics judge.
+        events: (time, text).
+        thresholds: of the verdict, over the defaults; None takes a check out.
+        mode: (T,) the mode flown: 1 virtual-single-rotor, 0 dual-rotor; None: the robot's own.
+        disturbance: (T, 6) N, N m, world, on `disturbance_link`; None for none.
+        disturbance_link: name; the root link if empty.
+        disturbance_at_cog: whether the wrench is about the CoG (carried by the link), not about
+            the link's origin.
+        wind: (T, 3) m/s, world, beside the plant's own; None for none.
+        turbulence: m/s, standard deviation of the air's, beside the plant's own.
+        failures: rotors lost on the way.
+        obstacles: boxes in the world.
+        give_up: m, distance of the CoG from its target at which the run ends.
+        tracked: whether the flight is to follow its references undisturbed, and is judged so.
+        trim: ticks of hover at the start, at times below the mission's 0, in which the integrals
+            run faster (`trim.trimmed`).
+        facts: what the mission wants in the log, as JSON.
+        drawn: more of these facts by the thrust factors (n,) that the plant drew; None for none.
+    """
+
+    time: Floats
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    rotation: Floats
+    angular: Floats
+    joints: Floats
+    start: Floats
+    on_floor: bool = False
+    window: tuple[float, float] | None = None
+    events: tuple[tuple[float, str], ...] = ()
+    thresholds: dict[str, dict[str, Any] | None] = field(default_factory=dict)
+    mode: Floats | None = None
+    disturbance: Floats | None = None
+    disturbance_link: str = ""
+    disturbance_at_cog: bool = False
+    wind: Floats | None = None
+    turbulence: float = 0.0
+    failures: tuple[Failure, ...] = ()
+    obstacles: tuple[Box, ...] = ()
+    give_up: float = float("inf")
+    tracked: bool = True
+    trim: int = 0
+    facts: dict[str, Any] = field(default_factory=dict)
+    drawn: Callable[[Floats], dict[str, Any]] | None = None
+
+
+def quintic(s: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Returns value, slope and curvature of ``10 s³ − 15 s⁴ + 6 s⁵`` on 0…1, held outside."""
+    inside = np.clip(np.asarray(s, float), 0.0, 1.0)
+    moving = (inside > 0.0) & (inside < 1.0)
+    value = inside**3 * (10.0 + inside * (6.0 * inside - 15.0))
+    slope = np.where(moving, 30.0 * inside**2 * (1.0 - inside) ** 2, 0.0)
+    curve = np.where(moving, 60.0 * inside * (1.0 - inside) * (1.0 - 2.0 * inside), 0.0)
+    return value, slope, curve
+
+
+def through(time: Floats, knots: ArrayLike, points: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Returns value, rate and acceleration (T, k) of a path that rests at each point.
+
+    Between two points a quintic runs; its largest rate is 15/8 of the mean rate.
+
+    Args:
+        time: (T,) s.
+        knots: (m,) s, rising.
+        points: (m, k).
+
+    Raises:
+        MissionError: knots that do not rise, or of another count than the points.
+    """
+    at, goal = np.asarray(knots, float), np.asarray(points, float)
+    if at.ndim != 1 or len(at) != len(goal) or np.any(np.diff(at) <= 0):
+        raise MissionError(f"waypoint times {at.tolist()} must rise, one for each waypoint.")
+    value = np.repeat(goal[:1], len(time), axis=0)
+    rate, bend = np.zeros_like(value), np.zeros_like(value)
+    for k in range(len(at) - 1):
+        span = at[k + 1] - at[k]
+        f, df, ddf = quintic((time - at[k]) / span)
+        step = goal[k + 1] - goal[k]
+        value += f[:, None] * step
+        rate += df[:, None] * step / span
+        bend += ddf[:, None] * step / span**2
+    return value, rate, bend
+
+
+def knots_for(points: ArrayLike, rate: float, *, start: float = 0.0, least: float = 1.0) -> Floats:
+    """Returns times (m,) for joint waypoints (m, k) so that no joint is faster than `rate`.
+
+    Args:
+        points: rad.
+        rate: rad/s, the largest.
+        start: s, of the first waypoint.
+        least: s, between two waypoints.
+    """
+    goal = np.asarray(points, float)
+    span = PEAK_RATE * np.abs(np.diff(goal, axis=0)).max(axis=1, initial=0.0) / rate
+    return start + np.concatenate([[0.0], np.cumsum(np.maximum(span, least))])
+
+
+def level(count: int) -> tuple[Floats, Floats]:
+    """Returns attitude (T, 3, 3) and angular velocity (T, 3) of a CoG frame held level."""
+    return np.repeat(np.eye(3)[None], count, axis=0), np.zeros((count, 3))
+
+
+def ticks(duration: float, rate: float) -> Floats:
+    """Returns the times (T,) of a run [s].
+
+    Raises:
+        MissionError: a duration that is not positive.
+    """
+    if not duration > 0:
+        raise MissionError(f"duration {duration:g} s: more than 0 is needed.")
+    return np.arange(max(round(duration * rate), 1)) / rate
+
+
+def holding(time: Floats, joints: ArrayLike, start: Floats, cog: ArrayLike, **more: Any) -> Plan:
+    """Returns a plan that holds one pose and posture; `more` are further fields of `Plan`.
+
+    `joints` are (k,), or (T, k) where they move.
+    """
+    count, still = len(time), np.zeros((len(time), 3))
+    rotation, angular = level(count)
+    angles = np.atleast_2d(np.asarray(joints, float))
+    fields = {
+        "position": np.repeat(np.asarray(cog, float)[None], count, axis=0),
+        "velocity": still,
+        "acceleration": still,
+        "rotation": rotation,
+        "angular": angular,
+        "joints": angles if len(angles) == count else np.repeat(angles, count, axis=0),
+        "start": start,
+    }
+    return Plan(time, **(fields | more))

@@ -1,0 +1,130 @@
+"""Joint paths for missions, for any chain: bent where a straight body could not fly."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from snakegen.base.geometry import Floats, quaternion_xyzw
+from snakegen.errors import MissionError
+from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
+from snakegen.robot.posture import hover_gimbals, set_angle
+from snakegen.robot.robot import Robot
+
+BEND = 1.0  # rad, of the yaw joints of a body at rest in the air
+
+
+def driven_joints(robot: Robot) -> list[str]:
+    """Returns the joints that shape the body and have a servo, in the tree's order."""
+    servos = {s.joint for s in robot.modules.servos}
+    return [n for n in robot.chain_joints if n in servos]
+
+
+def turning_rates(robot: Robot, names: Sequence[str]) -> Floats:
+    """Returns the URDF's velocity limits [rad/s] of the joints `names`; inf where it has none."""
+    at = [robot.model.joints[robot.model.getJointId(n)].idx_v for n in names]
+    limit = np.array(robot.model.upperVelocityLimit[at], float)
+    return np.where(limit > 0.0, limit, np.inf)
+
+
+def bent(robot: Robot, bend: float = BEND) -> Floats:
+    """Returns joint angles (k,) of a planar body: every yaw (else pitch) bent, within limits.
+
+    Up to four links bend one way. Longer bodies change side every two joints: headings run
+    0, b, 2b, b, 0 …, a wave that goes on along b and so neither closes on itself nor becomes
+    straight, however long.
+    """
+    names = driven_joints(robot)
+    low, high, _ = robot.limits(names)
+    kind = "_yaw" if any(n.endswith("_yaw") for n in names) else "_pitch"
+    out, turns = np.zeros(len(names)), 0
+    for i, name in enumerate(names):
+        if name.endswith(kind):
+            side = 1.0 if (turns // 2) % 2 == 0 or len(robot.modules.lengths) <= 4 else -1.0
+            out[i] = np.clip(side * bend, low[i], high[i])
+            turns += 1
+    return out
+
+
+def slim(robot: Robot, bend: float = 0.7) -> Floats:
+    """Returns joint angles (k,) of the narrowest body that flies.
+
+    Straight in dual-rotor mode; else a zigzag in the vertical plane, since a straight body has
+    no torque about itself: pitches b, -2b, 2b, … so that links slope by turns.
+
+    Raises:
+        MissionError: virtual-single-rotor mode and no pitch joints.
+    """
+    names = driven_joints(robot)
+    low, high, _ = robot.limits(names)
+    out, turns = np.zeros(len(names)), 0
+    if robot.modules.control.get("mode") == "dual_rotor":
+        return np.clip(out, low, high)
+    for i, name in enumerate(names):
+        if name.endswith("_pitch"):
+            size = bend if turns == 0 else 2.0 * bend
+            out[i] = np.clip(size if turns % 2 == 0 else -size, low[i], high[i])
+            turns += 1
+    if turns < 2:
+        raise MissionError(f"{robot.name} has too few pitch joints to fly narrow and bent.")
+    return out
+
+
+def extent(robot: Robot, joints: Floats) -> Floats:
+    """Returns (2, 3) m: least and greatest x, y, z of the solid body from its CoG, hovering."""
+    import mujoco
+
+    from snakegen.simulation.flight.world import make_world
+
+    world = make_world(robot, floor=False)
+    model, data = world.model, mujoco.MjData(world.model)
+    world.set_state(data, place(robot, joints, np.zeros(3)))
+    mujoco.mj_kinematics(model, data)
+    solid = np.flatnonzero(model.geom_contype)
+    axes = data.geom_xmat[solid].reshape(-1, 3, 3)
+    middle = data.geom_xpos[solid] + np.einsum("gij,gj->gi", axes, model.geom_aabb[solid, :3])
+    half = np.einsum("gij,gj->gi", np.abs(axes), model.geom_aabb[solid, 3:])
+    return np.array([(middle - half).min(axis=0), (middle + half).max(axis=0)])
+
+
+def resting_joints(robot: Robot, posture: dict[str, Any] | None = None) -> Floats:
+    """Returns joint angles (k,) of a posture file's mapping; those of `bent` if there is none."""
+    if not posture:
+        return bent(robot)
+    q = robot.configuration({k: v for k, v in posture.items() if k != "base_rpy"})
+    angles = dict(zip(robot.joint_names, robot.angles(q), strict=True))
+    return np.array([angles[n] for n in driven_joints(robot)])
+
+
+def place(robot: Robot, joints: Floats, cog: Floats, rotation: Floats | None = None) -> Floats:
+    """Returns q with the given joints, hover gimbals, level root and CoG at `cog` [m, world].
+
+    `rotation` (3, 3) is the root's attitude, if not level.
+    """
+    q = np.array(robot.configuration())
+    if rotation is not None:
+        q[3:7] = quaternion_xyzw(rotation)
+    for name, angle in zip(driven_joints(robot), joints, strict=True):
+        set_angle(robot, q, name, float(angle))
+    q = hover_gimbals(robot, q)
+    base, origin = robot.base_pose(q)
+    poses = forward(robot.tree, base, origin, robot.angles(q))
+    _, now = centre_of_gravity(robot.tree, *poses)
+    q[:3] += cog - now
+    return q
+
+
+def resting_height(robot: Robot, q: Floats) -> float:
+    """Returns the CoG height [m] at which the lowest part touches the floor in configuration q."""
+    import mujoco
+
+    from snakegen.description.mjcf.decorate import lowest_point
+    from snakegen.simulation.flight.world import make_world
+
+    world = make_world(robot, floor=False)
+    data = mujoco.MjData(world.model)
+    world.set_state(data, q)
+    mujoco.mj_forward(world.model, data)
+    base, origin = robot.base_pose(q)
+    _, cog = centre_of_gravity(robot.tree, *forward(robot.tree, base, origin, robot.angles(q)))
+    return float(cog[2]) - lowest_point(world.model, data)

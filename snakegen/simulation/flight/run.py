@@ -1,0 +1,253 @@
+"""A verification run from end to end: mission → plan → flight → recording → verdict."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from snakegen.control.controller import Controller, flight_controller, gain_set
+from snakegen.control.servos import bounded_joints
+from snakegen.errors import MissionError
+from snakegen.robot.robot import Robot
+from snakegen.simulation.flight.elastic import modal_frequencies
+from snakegen.simulation.flight.error_budget import integral_limits
+from snakegen.simulation.flight.flight_bounds import hover_sigmas, tracking_bounds, trim_sigmas
+from snakegen.simulation.flight.loop import fly
+from snakegen.simulation.flight.plan import Plan
+from snakegen.simulation.flight.plant import Imperfections, draw
+from snakegen.simulation.flight.preflight import check_air, check_references, check_start
+from snakegen.simulation.flight.reference_limits import check_motion
+from snakegen.simulation.flight.trim import trimmed
+from snakegen.simulation.flight.vibration import OFF, Damping, check_redundancy, hinges
+from snakegen.simulation.flight.world import World, make_world
+from snakegen.simulation.missions import is_file, mission
+from snakegen.simulation.recording.blocks import Blocks
+from snakegen.simulation.recording.flight_report import flight_report
+from snakegen.simulation.recording.metrics import metrics
+from snakegen.simulation.recording.record import record
+from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS
+from snakegen.simulation.recording.worst_place import judged_verdict
+
+
+def run(
+    robot: Robot,
+    name: str,
+    *,
+    seed: int = 0,
+    gains: str | None = None,
+    allocator: str = "paper",
+    ideal: bool = False,
+    options: dict[str, Any] | None = None,
+    progress: Callable[[int, int], Any] | None = None,
+    keep: Callable[[Recording], Any] | None = None,
+) -> Recording:
+    """Flies mission `name` with `robot` and returns the judged recording.
+
+    Args:
+        robot: any robot that the mission applies to.
+        name: of the mission.
+        seed: of noise and mismatch; the same seed gives the same run, bit for bit on one machine.
+        gains: gain set; the robot's own choice if not given.
+        allocator: "paper" or "constrained".
+        ideal: perfect sensors and rotors.
+        options: of the mission.
+        progress: called with ticks flown and ticks in all.
+        keep: called with the recording of each whole second of a flight; drives and arms have
+            none.
+
+    Raises:
+        MissionError: the mission does not suit the robot, or cannot start from its posture.
+    """
+    module = mission(name, robot)
+    if hasattr(module, "fly"):  # no aerial flight: the mission has a loop of its own
+        given = dict(options or {})
+        return module.fly(robot, seed=seed, ideal=ideal, options=given, progress=progress)
+    ready = prepare(robot, name, gains=gains, allocator=allocator, ideal=ideal, options=options)
+    world = ready.world()
+    rng = np.random.default_rng(seed)
+    return ready.flown(world, ready.imperfections, rng, seed, progress, keep=keep)
+
+
+@dataclass(frozen=True, eq=False)
+class Ready:
+    """A mission that may start: everything about it but the world and chance.
+
+    Attributes:
+        robot, plan, controller, imperfections: what flies, where, how.
+        position_rate: Hz.
+        meta: of its recordings.
+        damping: of vibration by internal forces.
+    """
+
+    robot: Robot
+    plan: Plan
+    controller: Controller
+    imperfections: Imperfections
+    position_rate: float
+    meta: dict[str, Any]
+    damping: Damping = OFF
+
+    def world(self) -> World:
+        """Returns the nominal world of its flights."""
+        plant = self.imperfections
+        return make_world(
+            self.robot,
+            obstacles=self.plan.obstacles,
+            link_stiffness=plant.link_stiffness,
+            link_damping=plant.link_damping,
+            motor_lag=bool(plant.motor_lag),
+        )
+
+    def flown(
+        self,
+        world: World,
+        imperfections: Imperfections,
+        rng: np.random.Generator,
+        seed: int,
+        progress: Callable[[int, int], Any] | None = None,
+        *,
+        margins: bool = True,
+        keep: Callable[[Recording], Any] | None = None,
+    ) -> Recording:
+        """Flies it in `world` with noise from `rng` and returns the judged recording.
+
+        Args:
+            world: of the robot, its masses or motors changed or not.
+            imperfections: of the plant.
+            rng: of noise and mismatch.
+            seed: what the log names as such.
+            progress: called with ticks flown and ticks in all.
+            margins: work out the margins along the run; they cost more than the rest of the log.
+            keep: called with the recording of each whole second, as soon as it is flown.
+        """
+        plan, count = self.plan, len(self.plan.time)
+        rougher = float(np.hypot(imperfections.turbulence, plan.turbulence))
+        imperfections = replace(imperfections, turbulence=rougher)
+        rate = 1.0 / float(plan.time[1] - plan.time[0]) if count > 1 else 200.0
+        sizes = (count, len(world.rotors), len(self.robot.joint_names))
+        shares = hinges(world).noise if self.damping.gain > 0 else []
+        servos = len(bounded_joints(self.robot))
+        noise = draw(imperfections, rng, *sizes, rate=rate, hinges=shares, servos=servos)
+        told = self.meta | {"seed": seed, "plant": vars(imperfections)}
+        blocks = None if keep is None else Blocks(world, plan, self.controller, told, keep)
+        flown = fly(
+            world,
+            plan,
+            self.controller,
+            noise,
+            imperfections,
+            position_rate=self.position_rate,
+            damping=self.damping,
+            progress=None if progress is None else lambda k: progress(k, count),
+            watch=None if blocks is None else blocks.flown,
+        )
+        window = plan.window or (0.0, float(plan.time[-1]))
+        end = min(window[1], float(plan.time[flown.ticks - 1]))
+        meta = told | {
+            "stopped": flown.stopped,
+            "metrics_window_s": [min(window[0], end), end],
+        }
+        if plan.drawn is not None:
+            meta["facts"] = meta["facts"] | plan.drawn(noise.thrust_factor)
+        if flown.trimmed:
+            held = trim_sigmas(self.robot, self.controller, plan, flown.trimmed)
+            meta["trim"] = flown.trimmed | {"sigmas": held}
+        if plan.tracked:
+            asked = hover_sigmas(self.robot, self.controller, plan, flown.wanted)
+            if asked is not None:
+                meta["hover_sigmas"] = asked
+        if imperfections.link_stiffness > 0:
+            modes = modal_frequencies(world.model, flown.qpos[0])
+            meta["modal_frequencies_hz"] = [round(float(f), 3) for f in modes]
+        recording = record(world, plan, self.controller, flown, meta, margins=margins)
+        return judge(recording, plan)
+
+
+def prepare(
+    robot: Robot,
+    name: str,
+    *,
+    gains: str | None = None,
+    allocator: str = "paper",
+    ideal: bool = False,
+    options: dict[str, Any] | None = None,
+) -> Ready:
+    """Returns mission `name` planned and checked; arguments and errors as in `run`."""
+    module = mission(name, robot)
+    if hasattr(module, "fly"):
+        raise MissionError(f"mission '{name}' has a loop of its own; only flights can be repeated.")
+    chosen = gain_set(robot, gains)
+    if hasattr(module, "gains"):
+        chosen = module.gains(chosen)
+    controller = flight_controller(robot, chosen, allocator=allocator)
+    control = robot.modules.control
+    rate = float(control.get("attitude_rate", 200.0))
+    given = dict(options or {})
+    if is_file(name):
+        given["file"] = name
+    if "allocator" in module.OPTIONS:
+        given |= {"allocator": allocator, "ideal": ideal}
+    plan: Plan = module.plan(robot, rate, **{k: v for k, v in given.items() if k != "trim"})
+    check_references(robot, plan)
+    check_motion(robot, controller, plan)
+    if "trim" in module.OPTIONS:
+        usual = 0.0 if plan.on_floor else module.OPTIONS["trim"][0]
+        plan = trimmed(plan, usual if given.get("trim") is None else float(given["trim"]))
+    check_start(robot, controller, plan, force=bool(given.get("force")))
+    modes = ("dual_rotor", "virtual_single_rotor")
+    if plan.tracked:
+        bounds: dict[str, dict[str, Any] | None] = tracking_bounds(
+            robot, controller, plan, module.__name__.rsplit(".", 1)[-1], modes[controller.mode]
+        )
+        plan = replace(plan, thresholds=bounds | plan.thresholds)
+    damping = Damping.of(control)
+    if damping.gain > 0.0:
+        check_redundancy(controller, robot.name)
+    imperfections = Imperfections.of(robot.modules.plant)
+    imperfections = imperfections.ideal() if ideal else imperfections
+    if hasattr(module, "plant"):
+        imperfections = module.plant(imperfections, given)
+    check_air(plan, imperfections)
+    if plan.trim or plan.on_floor:
+        force, torque = integral_limits(robot, controller, plan, imperfections)
+        controller = controller.with_law(force_integral_limit=force, torque_integral_limit=torque)
+    meta = {
+        "mission": module.__name__.rsplit(".", 1)[-1],
+        "options": {k: v for k, v in given.items() if v is not None},
+        "mode": modes[controller.mode],
+        "gains": gains or str(control.get("gains", "")),
+        "allocator": allocator,
+        "ideal": ideal,
+        "vibration_damping": damping.gain,
+        "rate_filter_hz": controller.law.rate_filter,
+        "planned_s": float(plan.time[-1]),
+        "trim_s": plan.trim / rate,
+        "facts": plan.facts,
+        "obstacles": [vars(b) for b in plan.obstacles],
+    }
+    return Ready(
+        robot,
+        plan,
+        controller,
+        imperfections,
+        float(control.get("position_rate", 40.0)),
+        meta,
+        damping,
+    )
+
+
+def judge(recording: Recording, plan: Plan) -> Recording:
+    """Returns the recording with its metrics and verdict; a run cut short does not pass."""
+    found = metrics(recording)
+    found["completed"] = not recording.meta["stopped"]
+    if "trim" in recording.meta:
+        found["trim_sigmas"] = max(recording.meta["trim"]["sigmas"])
+    if "hover_sigmas" in recording.meta:
+        found["hover_sigmas"] = max(recording.meta["hover_sigmas"])
+    bounds = {"completed": {"equals": True}} | FLIGHT_THRESHOLDS | plan.thresholds
+    if "saturation_share" in bounds and "gimbal_angle_limit_share" in found:
+        bounds["gimbal_angle_limit_share"] = bounds["saturation_share"]
+    judged = recording.judged(found, judged_verdict(recording, found, bounds))
+    return replace(judged, report=flight_report(judged))

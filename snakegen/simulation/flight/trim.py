@@ -1,0 +1,121 @@
+"""Trim before a mission: a hover in which the integrals run faster, as real platforms fly first.
+
+A robot of the paper has taken off and hovers before an experiment's clock starts; its integrals
+then hold what unequal rotors and a tilted IMU ask for. With Table 5's K_f,i of 0.03 that takes
+minutes. Here the error is integrated faster for a while: K_i itself stays, so the gains are the
+paper's again, without a bump, when the mission begins at t = 0. The integrals' clamps stay too.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from snakegen.control.gains import Floats
+from snakegen.errors import MissionError
+from snakegen.kernels.control.types import Law, State
+from snakegen.simulation.flight.plan import Plan
+
+SECONDS = 10.0  # s, five times SETTLING: what is left of an offset is under 1 %
+SETTLING = 2.0  # s, in which an integral settles while trimming
+STABLE = 1.0 / 3.0  # of K_p K_d, the K_i at which a lagless loop turns unstable
+OPTION = [SECONDS, "s of hover before t = 0, in which the integrals run faster; 0: none"]
+
+
+def trimmed(plan: Plan, seconds: float) -> Plan:
+    """Returns the plan with `seconds` of hover in its first pose and posture before t = 0.
+
+    The mission's own times stay; nothing disturbs the hover but the plant's own imperfections.
+
+    Raises:
+        MissionError: less than no time, or a start on the floor, where nothing can be trimmed.
+    """
+    if not seconds >= 0.0:
+        raise MissionError(f"trim {seconds:g} s: 0 or more is needed.")
+    if seconds == 0.0:
+        return plan
+    if plan.on_floor:
+        raise MissionError("a start on the floor cannot be trimmed; set trim=0.")
+    if len(plan.time) < 2:
+        return plan
+    step = float(plan.time[1] - plan.time[0])
+    count = round(seconds / step)
+
+    def held(rows: Any) -> Any:
+        return None if rows is None else np.concatenate([np.repeat(rows[:1], count, 0), rows])
+
+    def still(rows: Any) -> Any:
+        if rows is None:
+            return None
+        return np.concatenate([np.zeros((count, *np.shape(rows)[1:])), rows])
+
+    return replace(
+        plan,
+        time=np.concatenate([plan.time[0] + step * np.arange(-count, 0), plan.time]),
+        position=held(plan.position),
+        velocity=still(plan.velocity),
+        acceleration=still(plan.acceleration),
+        rotation=held(plan.rotation),
+        angular=still(plan.angular),
+        joints=held(plan.joints),
+        mode=held(plan.mode),
+        disturbance=still(plan.disturbance),
+        wind=still(plan.wind),
+        window=plan.window or (float(plan.time[0]), float(plan.time[-1])),
+        trim=count,
+    )
+
+
+def integral_rates(law: Law) -> Floats:
+    """Returns how many times faster each integral (2, 3) runs while trimming, 1 or more.
+
+    ``K_i f = K_p / 2 s``, at most a third of ``K_p K_d``; where K_i is 0 there is nothing to trim.
+    """
+    out = np.ones((2, 3))
+    for row, (p, i, d) in enumerate((law.force, law.torque)):
+        wanted = p * np.minimum(1.0 / SETTLING, STABLE * d)
+        out[row] = np.where(i > 0.0, np.maximum(wanted / np.where(i > 0.0, i, 1.0), 1.0), 1.0)
+    return out
+
+
+def found(law: Law, state: State) -> dict[str, Any]:
+    """Returns what the integrals hold, as accelerations, and which are at their clamps."""
+    force, torque = law.force[1] * state.force_integral, law.torque[1] * state.torque_integral
+    full = [
+        name
+        for values, limit, names in (
+            (state.force_integral, law.force_integral_limit, ("x", "y", "z")),
+            (state.torque_integral, law.torque_integral_limit, ("roll", "pitch", "yaw")),
+        )
+        for name, value, most in zip(names, values, limit, strict=True)
+        if most > 0.0 and abs(value) >= most * (1.0 - 1e-9)
+    ]
+    return {
+        "force_integral_m_s2": force.tolist(),
+        "torque_integral_rad_s2": torque.tolist(),
+        "at_clamp": full,
+    }
+
+
+def told(plan: Plan, law: Law, held: dict[str, Any]) -> list[tuple[float, str, str]]:
+    """Returns the events of a run: when trimming began, and what it `held` when it ended."""
+    if not plan.trim:
+        return []
+    most = integral_rates(law).max()
+    begun = f"trim in hover: integrals run up to {most:.0f} times faster"
+    out = [(float(plan.time[0]), "INFO", begun)]
+    if held:
+        out.append((float(plan.time[plan.trim]), "INFO", f"trimmed: {said(held)}"))
+    return out
+
+
+def said(held: dict[str, Any]) -> str:
+    """Returns in words what `found` returned."""
+    force, torque = (
+        " ".join(f"{v:.3f}" for v in held[k])
+        for k in ("force_integral_m_s2", "torque_integral_rad_s2")
+    )
+    text = f"integrals hold {force} m/s² and {torque} rad/s²"
+    if held["at_clamp"]:
+        text += f"; {', '.join(held['at_clamp'])} at the clamp, so not trimmed out"
+    return text

@@ -1,0 +1,128 @@
+"""Lead an arm's whole body into a hole by its servos, folding outside (beyond ZS24)."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from snakegen.analysis import tunnel
+from snakegen.base.geometry import Floats
+from snakegen.errors import MissionError
+from snakegen.inverse_kinematics.body_line import Body, off_line
+from snakegen.inverse_kinematics.hole import Hole
+from snakegen.inverse_kinematics.motion import Motion, Sampled, checked
+from snakegen.inverse_kinematics.path_following import chain_of
+from snakegen.robot.robot import Robot, from_urdf_text
+from snakegen.simulation.arm.run import arm_metrics, movable, run_arm, with_defaults
+from snakegen.simulation.flight.plan import quintic
+from snakegen.simulation.recording.recording import Recording
+from snakegen.statics.tip import find_tip
+
+OPTIONS = {
+    "path": [None, "CSV of x,y,z [m] from the base origin: the hole's centreline, mouth first"],
+    "mouth": ["1.25,0.08,0.08", "x,y,z of a straight hole's mouth, m, in place of a path"],
+    "inwards": ["1,0,0", "direction of that hole"],
+    "depth": [0.3, "m, of that hole"],
+    "room": [0.01, "m, that the body's line may be off the centreline"],
+    "duration": [20.0, "s, of the way in"],
+    "gravity": ["0,0,-9.81", "m/s², world"],
+    "lead": ["law", "what servos get beside the angle: none, speed, or law (speed and torque)"],
+    "friction": [
+        None,
+        "static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own",
+    ],
+}
+MARGIN = 0.005  # rad, kept from the limits: a spline swings a little beyond the samples
+TIP_BOUND = 1e-3  # m, between tip and centreline
+
+
+def applies(robot: Robot) -> bool:
+    """An arm: a fixed base, and a servo on every joint of the chain."""
+    return movable(robot)
+
+
+def fly(
+    robot: Robot,
+    *,
+    seed: int = 0,
+    ideal: bool = False,
+    options: dict[str, Any] | None = None,
+    progress: Callable[[int, int], Any] | None = None,
+) -> Recording:
+    """Solves the way in, then runs it.
+
+    Raises:
+        MissionError: a hole that cannot be entered to its end: how deep it gets, and why.
+    """
+    given = with_defaults(OPTIONS, options)
+    duration = float(given["duration"])
+    if not duration > 0:
+        raise MissionError(f"duration {duration:g} s: more than 0 is needed.")
+    solved = tunnel.analyze(
+        robot,
+        robot.configuration(),
+        path=given["path"],
+        mouth=given["mouth"],
+        inwards=given["inwards"],
+        depth=float(given["depth"]),
+        room=float(given["room"]),
+        margin=MARGIN,
+    )
+    if not solved.complete:
+        raise MissionError(f"{robot.name}: {solved.why}.")
+    entry, hole = solved.entry, solved.hole
+    spline = CubicSpline(entry.depth, entry.angles)
+    bend, curve = spline.derivative(), spline.derivative(2)
+
+    def at(when: Floats) -> Sampled:
+        f, df, ddf = (entry.whole * x for x in quintic(when / duration))
+        rate, gain = (df / duration)[:, None], (ddf / duration**2)[:, None]
+        return spline(f), bend(f) * rate, curve(f) * rate**2 + bend(f) * gain
+
+    def target(when: Floats) -> Floats:
+        return np.array([hole.at(entry.whole * float(quintic(t / duration)[0])) for t in when])
+
+    return run_arm(
+        robot,
+        checked(robot, Motion("tunnel", solved.joints, duration, at)),
+        mission="tunnel",
+        seed=seed,
+        ideal=ideal,
+        options=given,
+        tip=find_tip(robot),
+        tip_target=target,
+        tip_bound=TIP_BOUND,
+        thresholds={
+            "body_off_max_m": {"at_most": float(given["room"])},
+        },
+        facts={
+            "centreline_m": hole.points.tolist(),
+            "room_m": hole.room,
+            "planned_body_off_max_m": float(entry.between),
+        },
+        progress=progress,
+    )
+
+
+def metrics(recording: Recording) -> dict[str, Any]:
+    """Returns the three torques' gaps, and how far the body was off the centreline as it moved."""
+    robot = from_urdf_text(recording.meta["urdf"], None, checked=True)
+    facts, names = recording.meta["facts"], recording.channel("joint_angle").labels
+    hole = Hole(np.array(facts["centreline_m"]), facts["room_m"])
+    body = Body(chain_of(robot, robot.configuration(), find_tip(robot)), 1)
+    index = [robot.joint_names.index(n) for n in names]
+    target = recording.channel("position_target").values
+    off = []
+    for k in range(0, len(target), 10):
+        full = np.zeros(len(robot.joint_names))
+        full[index] = recording.channel("joint_angle").values[k]
+        depth = float(hole.nearest(target[k : k + 1])[2][0])
+        off.append(off_line(body, body.places(full, np.zeros(3)), hole, depth))
+    inside, wall = np.max(off, axis=0)
+    kept = {"planned_body_off_max_m": facts["planned_body_off_max_m"]}
+    return (
+        arm_metrics(recording)
+        | {"body_off_max_m": float(inside), "body_in_wall_max_m": float(wall)}
+        | kept
+    )

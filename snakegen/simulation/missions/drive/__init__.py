@@ -1,0 +1,1 @@
+"""Missions of robots that drive."""

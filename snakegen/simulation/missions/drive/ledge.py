@@ -1,0 +1,88 @@
+"""Climb and leave a ledge: pitch joints lift and lower the body, screws drive (beyond HA).
+
+HA drives in the plane. Here every drum is lifted just before an edge and set down behind it, one
+at a time, while the others drive; before each lift the body bends so that the drums that stay down
+carry it. The heights of the chain's nodes come from a small quadratic program: drums and casters
+as low as the ground under them allows, the body as little bent as that leaves room for.
+"""
+
+import math
+from typing import Any
+
+from snakegen.errors import MissionError
+from snakegen.robot.robot import Robot
+from snakegen.screw_drive.geometry import drive_geometry, yaw_joints
+from snakegen.simulation.drive.gait import Pace, crossing
+from snakegen.simulation.drive.plan import COMMON, DrivePlan, can_drive, lasting
+from snakegen.simulation.drive.record import PASSAGE, drive
+from snakegen.simulation.drive.run import pitch_joints
+from snakegen.simulation.obstacles import ledge
+from snakegen.simulation.recording.recording import Recording
+
+OPTIONS: dict[str, list[Any]] = COMMON | {
+    "height": [0.03, "m, of the ledge"],
+    "length": [1.2, "m, of the ledge"],
+    "lift": [True, "false: pitch joints stay at 0"],
+    "compliance": [1.0, "1; pitch servos are softer by this factor"],
+    "speed": [0.1, "m/s"],
+}
+_AHEAD = 0.4  # m, from the foremost drum to the edge
+
+
+def applies(robot: Robot) -> bool:
+    """A floating base, four or more screw drums, and a pitch joint between links."""
+    if not can_drive(robot) or len(robot.modules.screws) < 4:
+        return False
+    return len(pitch_joints(robot)) == len(drive_geometry(robot).lengths) - 1
+
+
+def fly(
+    robot: Robot, *, seed: int, ideal: bool, options: dict[str, Any], progress: Any
+) -> Recording:
+    """Drives over the ledge and returns the judged recording."""
+    o = {k: v[0] for k, v in OPTIONS.items()} | options
+    if not (o["height"] > 0 and o["length"] > 0 and o["speed"] > 0):
+        raise MissionError("ledge needs height, length and speed above 0.")
+    lengths = drive_geometry(robot).lengths
+    if o["length"] < sum(lengths):
+        raise MissionError(
+            f"a ledge {o['length']:g} m long is shorter than the body, {sum(lengths):.3f} m: two "
+            "drums would be lifted at a time."
+        )
+    edges = (_AHEAD, _AHEAD + o["length"])
+    pace = Pace(o["speed"], o["acceleration"])
+    gait = crossing(robot, edges, o["height"], pace, _AHEAD)
+    pitch, yaw = gait.steepest
+    for kind, names, most in (
+        ("pitch", pitch_joints(robot), pitch),
+        ("yaw", yaw_joints(robot), yaw),
+    ):
+        low, high, _ = robot.limits(names)
+        limit = min(float(-low.max()), float(high.min()))
+        if most > limit:
+            raise MissionError(
+                f"a ledge of {o['height']:g} m bends the {kind} joints to "
+                f"{math.degrees(most):.1f}°; they turn {math.degrees(limit):.1f}°."
+            )
+    plan = DrivePlan(
+        gait,
+        gait.at(0.0)[0],
+        lasting(o, gait.duration + 1.0),
+        o["gain"],
+        o["feedback"],
+        lift=gait.lift if o["lift"] else None,
+        compliance=o["compliance"],
+        obstacles=ledge(edges, 1.0, o["height"]),
+        events=((0.0, f"a ledge of {1e3 * o['height']:.0f} mm, {_AHEAD:g} m ahead"),),
+        facts={"ledge_m": o["height"], "pitch_max_rad": pitch},
+        thresholds=PASSAGE
+        | {
+            "distance_rmse_m": {"at_most": 0.1},
+            "distance_excess_m": {"at_most": 0.3},
+            "distance_end_m": {"at_most": 0.03},
+            "slip_mean_m_s": {"at_most": 0.05},
+            "tilt_max_rad": {"at_most": 0.5},
+        },
+    )
+    how = {"plant": o["plant"], "seed": seed, "ideal": ideal, "progress": progress}
+    return drive(robot, "ledge", plan, **how)

@@ -1,0 +1,100 @@
+"""Drive through a round pipe a little wider than the body, and compare with open ground.
+
+Straight ahead, every wheel's no-slip condition (HA eq 3) is the same all round a drum, so a wall
+that touches anywhere rolls along as the ground does.
+"""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from snakegen.errors import MissionError
+from snakegen.robot.robot import Robot
+from snakegen.simulation.drive.plan import COMMON, DrivePlan, can_drive, following, lasting
+from snakegen.simulation.drive.record import PASSAGE, beside_open_ground, drive
+from snakegen.simulation.obstacles import pipe
+from snakegen.simulation.recording.recording import Recording
+
+OPTIONS: dict[str, list[Any]] = COMMON | {
+    "room": [0.001, "m, between drums and pipe all round; less than 0: the pipe presses on them"],
+    "staves": [16, "1, flats that make the pipe's section; the lowest is the ground"],
+    "entry": [0.25, "m ahead of the head, where the pipe begins"],
+    "length": [1.2, "m, of the pipe"],
+    "fit": [True, "casters too wide for the pipe get the widest track that fits; false: refuse"],
+}
+
+
+def applies(robot: Robot) -> bool:
+    """A floating base and two or more screw drums."""
+    return can_drive(robot)
+
+
+def widest_track(radius: float, room: float, ball: float, staves: int) -> float:
+    """Returns how far apart [m] a caster's balls may stand in a pipe of inner radius R.
+
+    Balls of radius b at ±t/2 touch stave k, at angle a, lifted by δ where
+    ``t/2 sin a + (R − b − δ) cos a = R − b``; δ = twice the room presses drums against the top.
+    """
+    inside, angle = radius - ball, 2.0 * np.pi * np.arange(1, staves // 2) / staves
+    lifted = inside - (inside - 2.0 * max(room, 0.0)) * np.cos(angle)
+    return 2.0 * float(np.min(lifted / np.sin(angle)))
+
+
+def fitted(robot: Robot, radius: float, room: float, staves: int, fit: bool) -> Robot:
+    """Returns the robot with casters whose balls fit a pipe of inner `radius` [m].
+
+    Raises:
+        MissionError: balls that stand too far apart, where they may not be moved.
+    """
+    casters = []
+    for caster in robot.modules.casters:
+        most = math.floor(1e3 * widest_track(radius, room, caster.radius, staves)) / 1e3
+        if caster.track > most and not (fit and most > 0):
+            raise MissionError(
+                f"the balls of {caster.link} stand {caster.track:g} m apart; a pipe "
+                f"{2 * radius:g} m wide takes caster.track = {most:g} m"
+            )
+        casters.append(replace(caster, track=min(caster.track, most)))
+    return replace(robot, modules=replace(robot.modules, casters=tuple(casters)))
+
+
+def fly(
+    robot: Robot, *, seed: int, ideal: bool, options: dict[str, Any], progress: Any
+) -> Recording:
+    """Drives open ground first, then the pipe, and returns the judged recording of the latter."""
+    o = {k: v[0] for k, v in OPTIONS.items()} | options
+    drum = robot.modules.screws[0].radius
+    radius, staves = drum + o["room"], o["staves"]
+    if not (radius > 0.9 * drum and o["length"] > 0):
+        raise MissionError("pipe needs a length above 0 and at least 0.9 of the drums' radius.")
+    if not (isinstance(staves, int) and 6 <= staves <= 64):
+        raise MissionError(f"staves = {staves}: a pipe is made of 6 to 64.")
+    tracks = [caster.track for caster in robot.modules.casters]
+    robot = fitted(robot, radius, o["room"], staves, o["fit"])
+    narrow = [c for c, was in zip(robot.modules.casters, tracks, strict=True) if c.track < was]
+    told = [f"a pipe {2 * radius:.3f} m wide inside lies ahead"]
+    told += [f"{c.link}: balls {c.track:g} m apart, to fit the pipe" for c in narrow]
+    body = sum(robot.modules.lengths.values())
+    path = [("line", o["entry"] + o["length"] + body + 0.1)]
+    reference = following(robot, path, o["speed"], o["acceleration"])
+    plan = DrivePlan(
+        reference,
+        reference.at(0.0)[0],
+        lasting(o, reference.duration + 1.0),
+        o["gain"],
+        o["feedback"],
+        obstacles=pipe((o["entry"], o["entry"] + o["length"]), radius, staves),
+        events=tuple((0.0, text) for text in told),
+        facts={
+            "pipe_diameter_m": 2.0 * radius,
+            "drum_diameter_m": 2.0 * drum,
+            "caster_track_m": [c.track for c in robot.modules.casters],
+        },
+        thresholds=PASSAGE | {"distance_end_m": {"at_most": 0.01}},
+    )
+    how: dict[str, Any] = {"plant": o["plant"], "seed": seed, "ideal": ideal}
+    open_plan = DrivePlan(reference, plan.start, plan.duration, plan.gain, plan.feedback)
+    free = drive(robot, "pipe", open_plan, **how).metrics
+    return drive(robot, "pipe", plan, progress=progress, more=beside_open_ground(free), **how)

@@ -1,0 +1,114 @@
+"""Pluck the body in hover and let it swing out: how fast its vibration dies.
+
+Fly it twice, with and without ``--set control.vibration_damping=…``, and `inspect` both logs side
+by side: ZN23 section 6 proposes to suppress what swings by redundant thrust.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from snakegen.base.geometry import Floats
+from snakegen.errors import MissionError
+from snakegen.robot.robot import Robot
+from snakegen.simulation.flight.plan import Plan, holding, knots_for, through, ticks
+from snakegen.simulation.flight.postures import place, resting_joints
+from snakegen.simulation.missions.flight.transform import waypoints
+from snakegen.simulation.recording.recording import Recording
+
+OPTIONS = {
+    "force": [20.0, "N, at its peak, on the last link"],
+    "direction": ["y", "x, y or z"],
+    "length": [0.15, "s, of the pluck"],
+    "duration": [8.0, "s"],
+    "moving": [False, "pluck it while it changes shape, as `transform` does"],
+    "height": [1.5, "m, of the CoG"],
+    "posture": [None, "posture file; a bent body by default"],
+}
+_AT = 2.0  # s, when it is plucked
+_RATE = 0.31  # rad/s, fastest joint while it moves
+_LEFT = 0.1  # share of the largest energy below which it counts as swung out
+
+
+def applies(robot: Robot) -> bool:
+    """A floating base, rotors and driven joints."""
+    return robot.floating and bool(robot.modules.apparatuses) and bool(robot.modules.servos)
+
+
+def plan(
+    robot: Robot,
+    rate: float,
+    *,
+    force: float = 20.0,
+    direction: str = "y",
+    length: float = 0.15,
+    duration: float = 8.0,
+    moving: bool = False,
+    height: float = 1.5,
+    posture: dict[str, Any] | None = None,
+) -> Plan:
+    """Returns the plan: hover, and ``F (1 - cos 2πt/T) / 2`` at the last link's origin.
+
+    `moving`: through the first `duration` seconds of `transform`'s motion.
+    """
+    if direction not in ("x", "y", "z"):
+        raise MissionError(f"direction '{direction}': x, y or z is needed.")
+    if not length > 0:
+        raise MissionError(f"length {length:g} s: more than 0 is needed.")
+    if not duration > _AT + length:
+        raise MissionError(f"duration {duration:g} s: more than {_AT + length:g} is needed.")
+    time = ticks(duration, rate)
+    phase = np.clip((time - _AT) / length, 0.0, 1.0)
+    push = np.zeros((len(time), 6))
+    push[:, "xyz".index(direction)] = 0.5 * force * (1.0 - np.cos(2.0 * np.pi * phase))
+    joints = resting_joints(robot, posture)
+    if moving:
+        if posture is not None:
+            raise MissionError("ring takes a posture or a motion (moving=true), not both.")
+        goals = waypoints(robot)
+        joints, _, _ = through(time, knots_for(goals, _RATE), goals)
+    cog = np.array([0.0, 0.0, height])
+    return holding(
+        time,
+        joints,
+        place(robot, np.atleast_2d(joints)[0], cog),
+        cog,
+        disturbance=push,
+        disturbance_link=list(robot.modules.lengths)[-1],
+        events=((_AT, f"plucked with {force:g} N along {direction}"), (_AT + length, "let go")),
+        facts={"pluck": {"start_s": _AT, "end_s": _AT + length}},
+        tracked=False,
+    )
+
+
+def metrics(recording: Recording) -> dict[str, Any]:
+    """Returns how far it swung, mode by mode and in all, and how long.
+
+    ``swing_j_s`` is the modes' energy over the time after the pluck; ``decay_s`` is when a tenth
+    of the largest energy is left for good, None where it never is.
+    """
+    if "modal_energy" not in recording.channels:
+        return {}
+    pluck = recording.meta["facts"]["pluck"]
+    time = recording.times("modal_energy")
+    modes = recording.channel("modal_energy").values[time >= pluck["start_s"]]
+    since = time[time >= pluck["start_s"]] - pluck["end_s"]
+    if not np.any(since > 0.0):
+        return {}
+    total = modes.sum(axis=1)
+    after = since >= 0.0
+    return {
+        "modal_energy_max_j": float(total.max()),
+        "decay_s": decay(since, total),
+        "modal_decay_s": [decay(since, mode) for mode in modes.T],
+        "swing_j_s": float(np.trapezoid(total[after], since[after])),
+        "modal_swing_j_s": [float(np.trapezoid(m[after], since[after])) for m in modes.T],
+    }
+
+
+def decay(since: Floats, energy: Floats) -> float | None:
+    """Returns the time [s] from which on a tenth of the largest energy is not passed again."""
+    swings = np.flatnonzero(energy > _LEFT * energy.max())
+    if swings[-1] == len(energy) - 1:
+        return None
+    return max(float(since[swings[-1] + 1]), 0.0)

@@ -1,0 +1,112 @@
+"""Squeeze through an opening narrower than the robot: turn slim, fly through, unfold (ZN23 Fig 10).
+
+A wall with a doorway and a lintel stands across x. Its opening is measured from the slim body.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from snakegen.base.geometry import Floats
+from snakegen.errors import MissionError
+from snakegen.robot.robot import Robot
+from snakegen.simulation.flight.plan import Box, Plan, holding, knots_for, through, ticks
+from snakegen.simulation.flight.postures import bent, driven_joints, extent, place, slim
+from snakegen.simulation.flight.trim import OPTION as TRIM
+
+OPTIONS = {
+    "gap": [0.12, "m, room on each side of the slim body"],
+    "speed": [0.4, "m/s, mean, through the opening"],
+    "rate_limit": [0.31, "rad/s, fastest joint"],
+    "trim": TRIM,
+}
+_SETTLE = 2.0  # s, of hover between the parts
+_WALL = 0.05  # m, half its thickness
+_WIDE = 1.2  # m, half width of the wall: wide enough to meet, narrow enough to see past
+
+
+def applies(robot: Robot) -> bool:
+    """A floating base, rotors and at least two driven joints."""
+    return robot.floating and bool(robot.modules.apparatuses) and len(driven_joints(robot)) > 1
+
+
+def plan(
+    robot: Robot,
+    rate: float,
+    *,
+    gap: float = 0.12,
+    speed: float = 0.4,
+    rate_limit: float = 0.31,
+) -> Plan:
+    """Returns the plan: fold from the resting to the slim body, pass the wall, unfold.
+
+    Raises:
+        MissionError: the opening would be wider than the resting body, or options not positive.
+    """
+    for name, value in (("gap", gap), ("speed", speed), ("rate_limit", rate_limit)):
+        if not value > 0:
+            raise MissionError(f"{name} {value:g}: more than 0 is needed.")
+    wide, narrow = bent(robot), slim(robot)
+    big, small = extent(robot, wide), extent(robot, narrow)
+    opening = 2.0 * (gap + float(np.abs(small[:, 1]).max()))
+    span = float(big[1, 1] - big[0, 1])
+    if opening >= span:
+        raise MissionError(
+            f"the opening of {opening:.2f} m would be wider than {robot.name} ({span:.2f} m); "
+            "a smaller gap is needed."
+        )
+    height = 0.4 + float(max(-small[0, 2], -big[0, 2]))
+    lintel = height + float(small[1, 2]) + gap
+    start, end = _run_up(big, small, gap)
+    fold = knots_for(np.array([wide, narrow]), rate_limit, start=_SETTLE)
+    go = float(fold[1]) + _SETTLE
+    through_at = go + (end - start) / speed
+    unfold = knots_for(np.array([narrow, wide]), rate_limit, start=through_at + _SETTLE)
+    time = ticks(float(unfold[1]) + _SETTLE, rate)
+    joints, _, _ = through(time, [*fold, *unfold], np.array([wide, narrow, narrow, wide]))
+    way = np.array([[start, 0.0, height], [end, 0.0, height]])
+    position, velocity, acceleration = through(time, [go, through_at], way)
+    return holding(
+        time,
+        joints,
+        place(robot, wide, way[0]),
+        way[0],
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
+        obstacles=_wall(opening, lintel),
+        events=(
+            (float(fold[0]), "fold"),
+            (go, f"through an opening of {opening:.2f} m, {span:.2f} m wide before"),
+            (float(unfold[0]), "unfold"),
+        ),
+        facts={"opening_m": opening, "span_m": span, "lintel_m": lintel},
+        thresholds={"min_obstacle_distance_m": {"at_least": 0.01}},
+    )
+
+
+def _run_up(big: Floats, small: Floats, gap: float) -> tuple[float, float]:
+    """Returns CoG x before and behind the wall [m], so that both bodies stand clear of it."""
+    ahead = max(float(big[1, 0]), float(small[1, 0]))
+    behind = max(-float(big[0, 0]), -float(small[0, 0]))
+    return -(ahead + _WALL + gap + 0.1), behind + _WALL + gap + 0.1
+
+
+def _wall(opening: float, lintel: float) -> tuple[Box, ...]:
+    """Returns two posts and the lintel over them; floor to well above the robot."""
+    half = 0.25 * (2.0 * _WIDE - opening)
+    middle, top = 0.5 * opening + half, lintel + 0.3
+    return (
+        Box("post_left", (0.0, middle, 0.5 * top), (_WALL, half, 0.5 * top)),
+        Box("post_right", (0.0, -middle, 0.5 * top), (_WALL, half, 0.5 * top)),
+        Box("lintel", (0.0, 0.0, 0.5 * (lintel + top)), (_WALL, 0.5 * opening, 0.15)),
+    )
+
+
+def metrics(recording: Any) -> dict[str, Any]:
+    """Returns the opening and how much wider the resting body is."""
+    facts = recording.meta["facts"]
+    return {
+        "opening_m": facts["opening_m"],
+        "span_over_opening": facts["span_m"] / facts["opening_m"],
+    }

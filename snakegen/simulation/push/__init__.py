@@ -1,0 +1,1 @@
+"""How far a robot can be pushed: predictions and the loaded equilibrium."""

@@ -1,0 +1,267 @@
+"""The numbers of a run, from its recording alone; every key says its unit.
+
+A metric is absent where its channel is absent, and None where it is undefined (a value that is
+not finite), so that a check on it fails. Position errors are target − actual in world axes;
+attitude errors are the rotation vector of ``Rᵀ R_target`` in the body's axes, which for the few
+hundredths of a radian of ZN23 Tables 4 and 6 is their roll, pitch and yaw error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snakegen.simulation.drive.metrics import drive_metrics
+from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.signals import (
+    MAY_BE_UNDEFINED,
+    at_limit,
+    attitude_error,
+    gimbals_at_limit,
+    held_limit,
+    position_error,
+)
+from snakegen.simulation.recording.vibration_metrics import vibration_metrics
+
+Floats = NDArray[np.float64]
+
+AIRBORNE = 0.05  # m above the floor: off it, whatever the landing gear does
+FREE = 0.5  # s without contact: not a bounce
+TOUCHING = 1e-4  # m: contact
+SETTLED = 10.0  # s, after which drives are measured (HA's start error has then decayed)
+
+
+def metrics(recording: Recording) -> dict[str, Any]:
+    """Returns the metrics of a run inside ``meta["metrics_window_s"]`` (default: all of it).
+
+    Returns:
+        JSON-able dict; among others ``position_rmse_m`` and ``attitude_rmse_rad`` (three numbers
+        each), ``position_max_m``, ``saturation_share`` (share of the ticks on which any rotor is
+        at a limit), ``thrust_headroom`` (smallest 1 − λ/λ_max), ``joint_torque_use`` and
+        ``gimbal_torque_use`` (largest |τ|/limit), ``min_floor_distance_m`` (after take-off),
+        ``took_off``, ``floor_contact_after_takeoff_s``, ``sigma_min``, ``energy_j`` (∫ P dt).
+
+    Raises:
+        LogError: a limit in ``meta`` whose length does not fit its channel.
+    """
+    start, end = _window(recording)
+    out: dict[str, Any] = {"duration_s": float(end - start), "finite": _all_finite(recording)}
+    flight = (_tracking, _thrusts, _torques, _clearances, _minima, _energy)
+    for part in (*flight, vibration_metrics, drive_metrics):
+        out.update(part(recording, start, end))
+    out.update(_of_mission(recording))
+    return {key: _plain(value) for key, value in out.items()}
+
+
+def _tracking(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    pairs: tuple[tuple[str, str, str, Callable[[Recording], Floats]], ...] = (
+        ("position", "position_target", "m", position_error),
+        ("attitude", "attitude_target", "rad", attitude_error),
+    )
+    for name, target, unit, error_of in pairs:
+        if name not in recording.channels or target not in recording.channels:
+            continue
+        time, error = recording.times(name), error_of(recording)
+        inside = _inside(time, start, end)
+        out[f"{name}_rmse_{unit}"] = rms = _rms(error[inside])
+        out[f"{name}_rmse_norm_{unit}"] = None if rms is None else np.linalg.norm(rms)
+        out[f"{name}_max_{unit}"] = _worst(np.linalg.norm(error[inside], axis=1), np.max)
+        out[f"{name}_end_{unit}"] = error[inside][-1] if inside.any() else None
+        settled = inside & (time > SETTLED)
+        if settled.any():
+            out[f"{name}_rmse_settled_{unit}"] = _rms(error[settled])
+    for name in ("joint", "gimbal"):
+        if {f"{name}_angle", f"{name}_command"} <= recording.channels.keys():
+            time = recording.times(f"{name}_angle")
+            angle = recording.channel(f"{name}_angle").values
+            error = (recording.held(f"{name}_command", time) - angle)[_inside(time, start, end)]
+            out[f"{name}_tracking_max_rad"] = _worst(np.abs(error), np.max)
+    return out
+
+
+def _thrusts(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    if "thrust" not in recording.channels:
+        return {}
+    thrust = _cut(recording, "thrust", start, end)
+    out: dict[str, Any] = {"thrust_max_n": _worst(thrust, np.max)}
+    upper = held_limit(recording, "thrust_max", thrust.shape[1])
+    limited = at_limit(recording)
+    if upper is None or limited is None:
+        return out
+    name = "thrust_command" if "thrust_command" in recording.channels else "thrust"
+    inside = _inside(recording.times(name), start, end)
+    asked = recording.channel(name).values[inside]
+    busy = np.any(limited[inside], axis=1)
+    out["saturation_share"] = np.mean(busy) if np.all(np.isfinite(asked)) else None
+    turned = gimbals_at_limit(recording)
+    if turned is not None:
+        kept = turned[_inside(recording.times("gimbal_command"), start, end)]
+        out["gimbal_angle_limit_share"] = _worst(np.mean(kept, axis=0), np.max)
+    out["thrust_headroom"] = _worst(1.0 - thrust / upper, np.min)
+    return out
+
+
+def _torques(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for name in ("joint_torque", "gimbal_torque", "roll_moment"):
+        if name not in recording.channels:
+            continue
+        torque = np.abs(_cut(recording, name, start, end))
+        if torque.shape[1] == 0:
+            continue
+        out[f"{name}_max_n_m"] = _worst(torque, np.max)
+        limit = held_limit(recording, name, torque.shape[1])
+        if limit is not None:
+            out[f"{name}_use"] = _worst(torque / limit, np.max)
+            full = np.mean(torque >= 0.99 * limit, axis=0) if len(torque) else torque
+            out[f"{name}_limit_share"] = _worst(full, np.max)  # of ticks, the busiest servo
+    return out
+
+
+def _clearances(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for name in ("self_distance", "obstacle_distance"):
+        if name in recording.channels:
+            out[f"min_{name}_m"] = _worst(_cut(recording, name, start, end), np.min)
+    out.update(_floor(recording, end))
+    return out
+
+
+def _floor(recording: Recording, end: float) -> dict[str, Any]:
+    """Returns when the robot left the floor, and what of it touched the floor afterwards.
+
+    It is off once `floor_distance` exceeds 5 cm; where only forces are recorded, once half a
+    second begins that is free of them.
+    """
+    force_time, force = np.empty(0), np.empty(0)
+    if "floor_contact" in recording.channels:
+        force_time = recording.times("floor_contact")
+        force = np.nansum(recording.channel("floor_contact").values, axis=1)
+    if "floor_distance" in recording.channels:
+        time = recording.times("floor_distance")
+        height = recording.channel("floor_distance").values.min(axis=1)
+        off = time[height > AIRBORNE]
+    elif force.size:
+        time, height = force_time, np.empty(0)
+        touches = np.append(force_time[force > 0.0], np.inf)
+        starts = np.append(-np.inf, touches[:-1])
+        free = touches - np.maximum(starts, force_time[0]) >= FREE
+        off = np.maximum(starts, force_time[0])[free & (starts < force_time[-1] - FREE)]
+    else:
+        return {}
+    if not off.size:
+        return {"took_off": False}
+    out: dict[str, Any] = {"took_off": True}
+    contact = 0.0
+    if height.size:
+        aloft = _inside(time, off[0], end)
+        out["min_floor_distance_m"] = _worst(height[aloft], np.min)
+        contact = _held_integral(time, aloft & (height <= TOUCHING))
+    if force.size:
+        pressed = (force > 0.0) & (force_time > off[0]) & (force_time <= end)
+        contact = max(contact, _held_integral(force_time, pressed))
+    out["floor_contact_after_takeoff_s"] = contact
+    return out
+
+
+def _minima(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    keys = {
+        "sigma_min": "sigma_min",
+        "wrench_margin": "wrench_margin_min",
+        "force_margin": "force_margin_min_n",
+        "torque_margin": "torque_margin_min_n_m",
+    }
+    out: dict[str, Any] = {}
+    for name, key in keys.items():
+        if name in recording.channels:
+            values = _cut(recording, name, start, end)
+            # NaN is how a margin says "not defined here"; the rest still has a smallest value.
+            # Where hover itself is out of reach no force and no torque is borne beside it.
+            if "wrench_margin" in recording.channels and name in ("force_margin", "torque_margin"):
+                times = recording.times(name)[_inside(recording.times(name), start, end)]
+                reach = recording.held("wrench_margin", times)
+                values = np.where(np.isnan(values) & (reach < 0.0), 0.0, values)
+            defined = values[~np.isnan(values)]
+            out[key] = _worst(defined, np.min)
+    return out
+
+
+def _energy(recording: Recording, start: float, end: float) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    if "battery_used" in recording.channels:
+        used = _cut(recording, "battery_used", start, end)
+        out["battery_used"] = used[-1, 0] - used[0, 0] if used.size else None  # as energy_j does
+        empty = np.flatnonzero(recording.channel("battery_used").values[:, 0] >= 1.0)
+        if empty.size:
+            out["battery_empty_s"] = recording.times("battery_used")[empty[0]]
+    if "power" not in recording.channels:
+        return out
+    inside = _inside(recording.times("power"), start, end)
+    time = recording.times("power")[inside]
+    power = recording.channel("power").values.sum(axis=1)[inside]
+    if time.size < 2:
+        return out
+    energy = np.trapezoid(power, time)
+    return out | {"energy_j": energy, "power_mean_w": energy / (time[-1] - time[0])}
+
+
+def _of_mission(recording: Recording) -> dict[str, Any]:
+    """Returns the numbers that the run's mission adds; none for a log of another version's."""
+    from snakegen.simulation.missions import missions, module_of
+
+    name = str(recording.meta.get("mission", ""))
+    if name not in missions() or "facts" not in recording.meta:
+        return {}
+    module = module_of(name)
+    return dict(module.metrics(recording)) if hasattr(module, "metrics") else {}
+
+
+def _window(recording: Recording) -> tuple[float, float]:
+    window = recording.meta.get("metrics_window_s")
+    if window is None:
+        return float(recording.time[0]), float(recording.time[-1])
+    return float(window[0]), float(window[1])
+
+
+def _inside(time: Floats, start: float, end: float) -> NDArray[np.bool_]:
+    return (time >= start) & (time <= end)
+
+
+def _cut(recording: Recording, name: str, start: float, end: float) -> Floats:
+    return recording.channel(name).values[_inside(recording.times(name), start, end)]
+
+
+def _held_integral(time: Floats, holds: NDArray[np.bool_]) -> float:
+    """Returns for how many seconds `holds`, each sample standing for the step after it."""
+    step = np.diff(time, append=time[-1] + (time[-1] - time[-2] if time.size > 1 else 0.0))
+    return float(np.sum(step[holds]))
+
+
+def _rms(error: Floats) -> Floats | None:
+    return np.sqrt(np.mean(error**2, axis=0)) if len(error) else None
+
+
+def _worst(values: Floats, pick: Callable[[Floats], Any]) -> float | None:
+    return float(pick(values)) if values.size else None
+
+
+def _all_finite(recording: Recording) -> bool:
+    return all(
+        bool(np.all(np.isfinite(c.values)))
+        for name, c in recording.channels.items()
+        if name not in MAY_BE_UNDEFINED
+    )
+
+
+def _plain(value: Any) -> Any:
+    """Returns Python numbers and lists; None for a number that is not finite."""
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, np.ndarray | list):
+        return [_plain(v) for v in value]
+    number = float(value)
+    return number if np.isfinite(number) else None

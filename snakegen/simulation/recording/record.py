@@ -1,0 +1,223 @@
+"""From the rows of a run to its recording: CoG motion, margins, clearances, power."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from snakegen import __version__
+from snakegen.base.geometry import Floats
+from snakegen.control.controller import Controller
+from snakegen.control.power import AIR, FIGURE_OF_MERIT
+from snakegen.kernels.flight.run_history import cog_history, quaternions, rotations_of
+from snakegen.kernels.kinematics.chain import forward
+from snakegen.robot.robot import Robot
+from snakegen.simulation.flight.loop import Flown, rotation_of
+from snakegen.simulation.flight.plan import Plan
+from snakegen.simulation.flight.vibration import bends, elastic_channels
+from snakegen.simulation.flight.world import World
+from snakegen.simulation.recording.clearance import clearances
+from snakegen.simulation.recording.margins_along import States, margins_along, true_sigma_min
+from snakegen.simulation.recording.recording import Channel, Event, Recording, channel
+from snakegen.simulation.recording.rotor_signals import power, roll_moments, thrusts
+
+SLOW = 0.1  # s, between two rows of what is worked out from the posture
+# What follows from states and commands, which stay exact: no sensor tells 1 part in 10^7 of these.
+MEASURED = (
+    "velocity",
+    "angular_velocity",
+    "gimbal_torque",
+    "joint_torque",
+    "sigma_min",
+    "floor_contact",
+    "power",
+    "roll_moment",
+    "elastic_angle",
+    "modal_energy",
+)
+
+
+def record(
+    world: World,
+    plan: Plan,
+    controller: Controller,
+    flown: Flown,
+    meta: dict[str, Any],
+    *,
+    margins: bool = True,
+) -> Recording:
+    """Returns the recording of a flight; without `margins` it is made in a third of the time."""
+    robot, n = world.robot, flown.ticks
+    time = plan.time[:n]
+    motion = _motion(world, controller, flown)
+    target = quaternions(np.ascontiguousarray(flown.frame @ plan.rotation[:n]))
+    thrust = thrusts(world, flown)
+    gimbals = world.gimbal_joints >= 0
+    names = _Names(robot, world)
+    joints, turned = world.chain, world.gimbal_joints[gimbals]
+    q = world.configurations(flown.qpos)
+    channels = {
+        "position": channel("position", motion[0]),
+        "position_target": channel("position_target", plan.position[:n]),
+        "attitude": channel("attitude", quaternions(motion[2])),
+        "attitude_target": channel("attitude_target", target),
+        "velocity": channel("velocity", motion[1]),
+        "angular_velocity": channel("angular_velocity", motion[3]),
+        "q": channel("q", q, names.q),
+        "thrust": channel("thrust", thrust, names.rotors),
+        "thrust_command": channel("thrust_command", flown.command[:, world.rotors], names.rotors),
+        "gimbal_angle": channel("gimbal_angle", flown.qpos[:, world.qpos[turned]], names.gimbals),
+        "gimbal_command": channel(
+            "gimbal_command", flown.command[:, world.gimbals[gimbals]], names.gimbals
+        ),
+        "gimbal_torque": channel(
+            "gimbal_torque", flown.force[:, world.gimbals[gimbals]], names.gimbals
+        ),
+        "joint_angle": channel("joint_angle", flown.qpos[:, world.qpos[joints]], names.joints),
+        "joint_command": channel("joint_command", flown.command[:, world.servos], names.joints),
+        "joint_torque": channel("joint_torque", flown.force[:, world.servos], names.joints),
+        "sigma_min": channel("sigma_min", _sigma_min(world, plan, controller, flown)),
+        "floor_contact": channel("floor_contact", flown.contact),
+        "power": channel("power", power(robot, thrust)),
+        "roll_moment": channel(
+            "roll_moment", roll_moments(robot, thrust, flown.qpos[:, world.qpos]), names.rolls
+        ),
+    }
+    if plan.disturbance is not None:
+        channels["disturbance"] = channel("disturbance", plan.disturbance[:n])
+        point = motion[0] if plan.disturbance_at_cog else _link_place(world, plan, flown)
+        channels["disturbance_point"] = channel("disturbance_point", point)
+    if meta.get("vibration_damping") or "pluck" in plan.facts or bends(world):
+        dt = float(time[1] - time[0]) if n > 1 else 1.0
+        asked = flown.command[:, world.servos]
+        channels |= elastic_channels(world, flown.qpos, flown.qvel, asked, dt)
+    channels |= _slow(world, controller if margins else None, plan, flown)
+    channels |= {k: _as_measured(channels[k]) for k in MEASURED if k in channels}
+    events = tuple(Event(*e) for e in flown.events)
+    return Recording(time, channels, events, _meta(robot, world, meta))
+
+
+def _as_measured(signal: Channel) -> Channel:
+    """Returns a channel to the 24 bits of a float32: half of its bytes in a log are then zeros."""
+    with np.errstate(over="ignore"):  # a run that diverged
+        return replace(signal, values=signal.values.astype(np.float32).astype(np.float64))
+
+
+class _Names:
+    """Labels of the channels."""
+
+    def __init__(self, robot: Robot, world: World) -> None:
+        self.rotors = [r.link for a in robot.modules.apparatuses for r in a.rotors]
+        self.gimbals = [
+            n for a in robot.modules.apparatuses for n in (a.roll, a.pitch) if n is not None
+        ]
+        self.rolls = [a.roll for a in robot.modules.apparatuses if a.roll is not None]
+        self.joints = [robot.joint_names[i] for i in world.chain]
+        base = ["x", "y", "z", "qx", "qy", "qz", "qw"] if robot.floating else []
+        self.q = base
+        for name in robot.joint_names:
+            two = robot.model.joints[robot.model.getJointId(name)].nq == 2
+            self.q = [*self.q, *([f"{name}:cos", f"{name}:sin"] if two else [name])]
+
+
+def _motion(
+    world: World, controller: Controller, flown: Flown
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Returns true CoG position, velocity, attitude and rate along the run."""
+    law, (rotation, position, angles) = controller.law, _states(world, flown.qpos)
+    out = cog_history(
+        world.robot.tree,
+        law.axes_body,
+        law.axes_rotation,
+        rotation,
+        position,
+        np.ascontiguousarray(flown.qvel[:, :3]),
+        np.einsum("tij,tj->ti", rotation, flown.qvel[:, 3:6]),
+        angles,
+        np.ascontiguousarray(flown.qvel[:, world.qvel]),
+    )
+    return out[0], out[1], out[2], out[3]
+
+
+def _link_place(world: World, plan: Plan, flown: Flown) -> Floats:
+    """Returns the origin (T, 3) of the disturbed link along the run."""
+    robot, q = world.robot, flown.qpos
+    if plan.disturbance_link in ("", robot.root_link):
+        return q[:, :3]
+    body, _, origin = robot.body_of_link(plan.disturbance_link)
+    out = np.empty((len(q), 3))
+    for k, row in enumerate(q):
+        turn, at = forward(robot.tree, rotation_of(row[3:7]), row[:3].copy(), row[world.qpos])
+        out[k] = at[body] + turn[body] @ origin
+    return out
+
+
+def _states(world: World, qpos: Floats) -> States:
+    """Returns base attitudes, positions and joint angles of rows of qpos."""
+    return (
+        rotations_of(np.ascontiguousarray(qpos[:, 3:7])),
+        np.ascontiguousarray(qpos[:, :3]),
+        np.ascontiguousarray(qpos[:, world.qpos]),
+    )
+
+
+def _sigma_min(world: World, plan: Plan, controller: Controller, flown: Flown) -> Floats:
+    """Returns the controller's σ_min (T,), less the rotors that it does not know to be lost."""
+    if not plan.failures:
+        return flown.sigma_min
+    command = flown.command[:, np.maximum(world.gimbals, 0)]
+    gimbals = np.where(world.gimbals >= 0, command, 0.0)
+    thrust = flown.command[:, world.rotors]
+    told, states = flown.sigma_min, _states(world, flown.qpos)
+    return true_sigma_min(controller, plan, told, states, thrust, gimbals)
+
+
+def _slow(
+    world: World, controller: Controller | None, plan: Plan, flown: Flown
+) -> dict[str, Channel]:
+    """Returns margins of the modes flown (no controller: none) and clearances, at 10 Hz."""
+    step = max(1, round(SLOW / (plan.time[1] - plan.time[0]))) if len(plan.time) > 1 else 1
+    rows = np.arange(0, flown.ticks, step)
+    time = plan.time[rows]
+    out = {}
+    found = {}
+    if controller is not None:
+        found = margins_along(world.robot, controller, plan, rows, _states(world, flown.qpos[rows]))
+    for name, values in found.items():
+        out[name] = channel(name, values, time=time)
+    floor, own, obstacle = clearances(world, flown.qpos[rows])
+    out["floor_distance"] = channel("floor_distance", floor, time=time)
+    if plan.obstacles:
+        out["obstacle_distance"] = channel("obstacle_distance", obstacle, time=time)
+    out["battery_used"] = channel("battery_used", flown.used[rows], time=time)
+    if np.any(flown.wind):
+        out["wind"] = channel("wind", flown.wind[rows], time=time)
+    if not np.all(np.isposinf(own)):  # inf: the robot has no parts that could touch
+        out["self_distance"] = channel("self_distance", own, time=time)
+    return out
+
+
+def _meta(robot: Robot, world: World, meta: dict[str, Any]) -> dict[str, Any]:
+    """Returns what the log says about the run beside its signals."""
+    rotors = [r for a in robot.modules.apparatuses for r in a.rotors]
+    efforts = robot.limits([robot.joint_names[i] for i in world.chain])[2]
+    turned = world.gimbal_joints[world.gimbal_joints >= 0]
+    lower, upper, gimbal_efforts = robot.limits([robot.joint_names[i] for i in turned])
+    return {
+        "robot": robot.name,
+        "version": __version__,
+        "weight_n": robot.force_scale,
+        "urdf": robot.urdf,
+        "urdf_sha256": robot.urdf_hash,
+        "rotors": [{"link": r.link, "axis": list(r.axis)} for r in rotors],
+        "limits": {
+            "thrust_min": [r.thrust_min for r in rotors],
+            "thrust_max": [r.thrust_max for r in rotors],
+            "joint_torque": efforts.tolist(),
+            "gimbal_torque": gimbal_efforts.tolist(),
+            "gimbal_lower": lower.tolist(),
+            "gimbal_upper": upper.tolist(),
+            "roll_moment": robot.limits(_Names(robot, world).rolls)[2].tolist(),
+        },
+        "power_model": f"thrust^1.5/sqrt(2 rho A)/{FIGURE_OF_MERIT}, rho {AIR}",
+    } | meta

@@ -1,0 +1,1 @@
+"""The YAML grammar of a robot: chain, modules, control, plant."""

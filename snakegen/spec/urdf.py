@@ -1,0 +1,73 @@
+"""URDF from a resolved spec: runs the xacro templates, and replaces xacro's banner.
+
+The text after the four banner lines is what stock xacro gives for the same spec file.
+"""
+
+import importlib
+import re
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from snakegen.base import yaml_file
+from snakegen.errors import DescriptionError
+from snakegen.spec.loading import load_spec, templates_folder
+
+MAX_BYTES = 100_000_000  # some 15,000 links
+_BANNER = re.compile(r"(?:<!-- (?:=+|\|.*?\|) -->\n){4}")
+_OURS = "<!-- Made by snakegen from {spec}; stock xacro gives the same from templates/. -->\n"
+
+
+def expand(spec_path: Path, mesh_prefix: str = "meshes/") -> str:
+    """Returns the URDF text of the resolved spec at `spec_path`.
+
+    Args:
+        spec_path: a file that `RobotSpec.resolved` made: nothing in it is left to evaluate.
+        mesh_prefix: what stands before every mesh's file name.
+
+    Raises:
+        DescriptionError: the templates do not expand, with xacro's own sentence.
+    """
+    import xacro
+
+    yaml_file.refuse_executable(spec_path.read_text(encoding="utf-8"), spec_path.name)
+    template = templates_folder() / "snake.urdf.xacro"
+    mappings = {"spec": str(spec_path.resolve()), "mesh_prefix": mesh_prefix}
+    try:
+        document = xacro.process_file(str(template), mappings=mappings)
+    except Exception as error:
+        reason = str(error)
+        importlib.reload(xacro)  # a failure leaves xacro's module state half-way
+        raise DescriptionError(f"{spec_path.name}: the templates do not expand: {reason}") from None
+    text = document.toprettyxml(indent="  ")
+    return _BANNER.sub(_OURS.format(spec=spec_path.name), text, count=1)
+
+
+def urdf_text(source: Any) -> str:
+    """Returns the URDF text of a preset name, spec file or RobotSpec, without writing files."""
+    spec = load_spec(source)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{spec.name}.spec.yaml"
+        path.write_text(yaml_file.dump(spec.resolved()), encoding="utf-8")
+        return expand(path)
+
+
+def read_urdf(path: Path) -> str:
+    """Returns the text of a URDF file.
+
+    Raises:
+        DescriptionError: no such file, not UTF-8, or larger than `MAX_BYTES`.
+    """
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise DescriptionError(
+                f"{path}: {size / 1e6:.4g} MB; up to {MAX_BYTES / 1e6:g} MB are read."
+            )
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise DescriptionError(f"{path}: no such file.") from None
+    except IsADirectoryError:
+        raise DescriptionError(f"{path}: is a folder.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise DescriptionError(f"{path}: cannot be read ({error}).") from None
