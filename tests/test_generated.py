@@ -11,7 +11,8 @@ import pytest
 from PIL import Image
 
 import snakegen
-from snakegen.report.page import collect, plain, to_json
+from snakegen.report.collection import collect
+from snakegen.report.page import plain, to_json
 from snakegen.robot.posture import hover_gimbals, read_posture
 from snakegen.spec.loading import presets, templates_folder
 

@@ -21,7 +21,7 @@ from snakegen.simulation.missions.flight.hover import plan as hover
 from snakegen.simulation.monte_carlo import Spread
 from snakegen.simulation.recording.rotor_signals import roll_moments
 from snakegen.spec.loading import load_spec
-from snakegen.spec.robot_spec import Plant as PlantSpec
+from snakegen.spec.plant import Plant as PlantSpec
 
 RHO = 1.2
 BODY = '<inertial pos="0 0 0" mass="1" diaginertia="2e-3 3e-3 4e-3"/>'

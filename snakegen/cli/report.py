@@ -33,7 +33,8 @@ def report(source: Source, stance: Stance, as_json: bool, file: str | None) -> N
       snakegen analyze dragon4 --joint joint1_yaw=0.8 --report report.md
       snakegen analyze report body.urdf --modules modules.yaml --json
     """
-    from snakegen.report.page import MARKDOWN, collect, text_page, to_json, write_markdown
+    from snakegen.report.collection import collect
+    from snakegen.report.page import MARKDOWN, text_page, to_json, write_markdown
 
     check_ending("--report", file, *MARKDOWN)
     machine = source.machine()

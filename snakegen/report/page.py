@@ -4,7 +4,6 @@ import math
 import re
 import textwrap
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -15,35 +14,15 @@ from snakegen.analysis import catalogue
 from snakegen.base.atomic_io import check_writable, require_suffix, work_folder
 from snakegen.base.file_lock import exclusive
 from snakegen.base.folder_swap import move_files
-from snakegen.base.geometry import Floats, rpy_from_rotation
+from snakegen.base.geometry import rpy_from_rotation
 from snakegen.base.rounding import rounded
 from snakegen.errors import AnalysisError, SnakegenError
+from snakegen.report.collection import Page
 from snakegen.robot.posture import angles_by_name
 from snakegen.robot.robot import Robot
 
 MARKDOWN = (".md", ".markdown")
 _SHOWN = 8  # rows of an analysis on the one-screen page
-
-
-@dataclass(frozen=True)
-class Page:
-    """The results of all analyses that apply, by command, in report order."""
-
-    robot: Robot
-    q: Floats
-    results: dict[str, Any]
-
-
-def collect(robot: Robot, q: Floats) -> Page:
-    """Runs every analysis that applies to `robot` at q."""
-    results = {}
-    for command, entry in catalogue().items():
-        if not entry.report:
-            continue
-        module = entry.load()
-        if module.applies(robot):
-            results[command] = module.analyze(robot, q)
-    return Page(robot, q, results)
 
 
 def refuse(command: str, robot: Robot, analysis: Any) -> NoReturn:

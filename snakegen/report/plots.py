@@ -2,19 +2,17 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from snakegen.base.atomic_io import replace_whole, writing
-
-if TYPE_CHECKING:
-    from snakegen.report.page import Page
+from snakegen.report.collection import Page
 
 _GRID = (25, 49)  # directions of a margin map: 7.5° apart
 
 
-def plots(page: "Page", folder: Path, stem: str) -> dict[str, list[Path]]:
+def plots(page: Page, folder: Path, stem: str) -> dict[str, list[Path]]:
     """Draws what the results of `page` allow into `folder`; returns the files by command.
 
     Raises:
@@ -44,7 +42,7 @@ def shrink(path: Path) -> None:
     replace_whole(path, lambda part: small.save(part, format="PNG", optimize=True))
 
 
-def _posture(result: Any, page: "Page", path: Path) -> bool:
+def _posture(result: Any, page: Page, path: Path) -> bool:
     from snakegen.picture.robot_figure import draw_robot
     from snakegen.picture.robot_picture import figure
 
@@ -52,7 +50,7 @@ def _posture(result: Any, page: "Page", path: Path) -> bool:
     return True
 
 
-def _singular_values(result: Any, page: "Page", path: Path) -> bool:
+def _singular_values(result: Any, page: Page, path: Path) -> bool:
     from snakegen.report.charts import singular_value_chart
 
     sigma = {f"Q {r.matrix}": r.singular_values for r in result.ranks}
@@ -60,7 +58,7 @@ def _singular_values(result: Any, page: "Page", path: Path) -> bool:
     return True
 
 
-def _thrusts(result: Any, page: "Page", path: Path) -> bool:
+def _thrusts(result: Any, page: Page, path: Path) -> bool:
     from snakegen.report.charts import hover_thrust_chart
 
     robot = page.robot
@@ -69,7 +67,7 @@ def _thrusts(result: Any, page: "Page", path: Path) -> bool:
     return True
 
 
-def _joint_torques(result: Any, page: "Page", path: Path) -> bool:
+def _joint_torques(result: Any, page: Page, path: Path) -> bool:
     from snakegen.report.charts import joint_torque_chart
 
     chain = set(page.robot.chain_joints)
@@ -86,13 +84,13 @@ def _joint_torques(result: Any, page: "Page", path: Path) -> bool:
     return True
 
 
-def _margin_map(first: int, title: str, unit: str) -> Callable[[Any, "Page", Path], bool]:
+def _margin_map(first: int, title: str, unit: str) -> Callable[[Any, Page, Path], bool]:
     """Returns a drawer of the reach in every direction of force (0) or torque (3), the rest held.
 
     Gimbals free where there are any, else with the rotors as they stand.
     """
 
-    def draw(result: Any, page: "Page", path: Path) -> bool:
+    def draw(result: Any, page: Page, path: Path) -> bool:
         from snakegen.analysis.allocation import allocation
         from snakegen.report.charts import margin_map, sphere_grid
         from snakegen.wrench_margins.thrust import thrust_margins
@@ -124,7 +122,7 @@ def _margin_map(first: int, title: str, unit: str) -> Callable[[Any, "Page", Pat
     return draw
 
 
-def _motion(result: Any, page: "Page", path: Path) -> bool:
+def _motion(result: Any, page: Page, path: Path) -> bool:
     from snakegen.report.charts import time_series
 
     curves = dict(zip(page.robot.chain_joints, result.torque.T, strict=False))
@@ -132,7 +130,7 @@ def _motion(result: Any, page: "Page", path: Path) -> bool:
     return True
 
 
-def _tip_polytopes(result: Any, page: "Page", path: Path) -> bool:
+def _tip_polytopes(result: Any, page: Page, path: Path) -> bool:
     from snakegen.report.tip_chart import Set, tip_polytope_chart
 
     load = result.tip_load
@@ -146,7 +144,7 @@ def _tip_polytopes(result: Any, page: "Page", path: Path) -> bool:
     return True
 
 
-_Drawer = Callable[[Any, "Page", Path], bool]
+_Drawer = Callable[[Any, Page, Path], bool]
 _DRAWERS: dict[str, dict[str, _Drawer]] = {
     "mass": {"posture": _posture},
     "actuation": {"singular_values": _singular_values},

@@ -2,7 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -10,57 +10,16 @@ import pinocchio as pin
 from snakegen.base.geometry import Floats, quaternion_xyzw, rotation_from_rpy
 from snakegen.errors import DescriptionError, PostureError, near
 from snakegen.kernels.core.types import Gimbals, Rotors, Tree
-
-if TYPE_CHECKING:
-    from snakegen.robot.robot import Robot
+from snakegen.robot.frames import ModelFrames
 
 
-def tree_of(model: pin.Model, floating: bool) -> Tree:
-    """Returns the kinematic tree of a Pinocchio model; a free-flyer becomes body 0."""
-    first = 1 if floating else 0
-    count = model.njoints - first
-    q0 = pin.neutral(model)
-    prismatic = np.zeros(count, np.int64)
-    parent = np.full(count, -1, np.int64)
-    axis = np.zeros((count, 3))
-    axis[0, 0] = 1.0
-    rotation, translation = np.zeros((count, 3, 3)), np.zeros((count, 3))
-    rotation[0] = np.eye(3)
-    for i in range(1, count):
-        joint = model.joints[i + first]
-        if joint.nv != 1:
-            raise DescriptionError(
-                f"joint '{model.names[i + first]}' has {joint.nv} degrees of freedom; "
-                "snakegen takes revolute, continuous, prismatic and fixed joints."
-            )
-        data = joint.createData()
-        joint.calc(data, q0)
-        motion = np.asarray(data.S, float).reshape(6)
-        prismatic[i] = int(np.any(motion[:3]))
-        axis[i] = motion[:3] if prismatic[i] else motion[3:]
-        parent[i] = int(model.parents[i + first]) - first
-        rotation[i] = model.jointPlacements[i + first].rotation
-        translation[i] = model.jointPlacements[i + first].translation
-    bodies = [model.inertias[i + first] for i in range(count)]
-    if not floating:  # what is bolted to the world does not move: Pinocchio's sums leave it out
-        bodies[0] = pin.Inertia.Zero()
-    return Tree(
-        parent,
-        prismatic,
-        rotation,
-        translation,
-        axis,
-        np.array([b.mass for b in bodies], float),
-        np.array([b.lever for b in bodies], float),
-        np.array([b.inertia for b in bodies], float),
-    )
-
-
-def _settled(robot: "Robot", link: str, vector: Any = (0, 0, 1)) -> tuple[int, Floats, Floats]:
+def _settled(
+    robot: ModelFrames, spinners: frozenset[int], link: str, vector: Any
+) -> tuple[int, Floats, Floats]:
     """Returns body, position and direction of a rotor, its spin joint counted as fixed."""
     body, rotation, position = robot.body_of_link(link)
     direction = rotation @ np.asarray(vector, float)
-    while body in robot.spinners:
+    while body in spinners:
         if abs(abs(direction @ robot.tree.axis[body]) - 1.0) > 1e-6:
             raise DescriptionError(
                 f"rotor '{link}': its own joint '{robot.joint_names[body - 1]}' does not turn "
@@ -73,10 +32,10 @@ def _settled(robot: "Robot", link: str, vector: Any = (0, 0, 1)) -> tuple[int, F
     return body, position, direction
 
 
-def rotors_of(robot: "Robot") -> Rotors:
+def rotors_of(robot: ModelFrames, spinners: frozenset[int]) -> Rotors:
     """Returns the rotors of `robot`, apparatus by apparatus, on the bodies that carry them."""
     rows = [(j, r) for j, a in enumerate(robot.modules.apparatuses) for r in a.rotors]
-    placed = [_settled(robot, r.link, r.axis) for _, r in rows]
+    placed = [_settled(robot, spinners, r.link, r.axis) for _, r in rows]
     return Rotors(
         np.array([p[0] for p in placed], np.int64),
         np.array([p[1] for p in placed], float).reshape(-1, 3),
@@ -88,10 +47,9 @@ def rotors_of(robot: "Robot") -> Rotors:
     )
 
 
-def gimbals_of(robot: "Robot") -> Gimbals:
+def gimbals_of(robot: ModelFrames, rotors: Rotors) -> Gimbals:
     """Returns the apparatuses of `robot`: joints, thrust points and limits."""
     n = len(robot.modules.apparatuses)
-    rotors = robot.rotors
     link_body, thrust_body = np.zeros(n, np.int64), np.zeros(n, np.int64)
     roll_body, pitch_body = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
     frames, points, axes = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3))
@@ -135,7 +93,7 @@ def _carries(tree: Tree, body: int, other: int) -> bool:
     return other == body
 
 
-def spinners_of(robot: "Robot") -> frozenset[int]:
+def spinners_of(robot: ModelFrames) -> frozenset[int]:
     """Returns the bodies that turn on a rotor's own shaft.
 
     Such a joint is continuous, carries a rotor and no further joint, and is driven neither as a
@@ -151,7 +109,7 @@ def spinners_of(robot: "Robot") -> frozenset[int]:
     return frozenset(b for b in free if model.joints[model.getJointId(names[b - 1])].nq == 2)
 
 
-def base_link(robot: "Robot") -> str:
+def base_link(robot: ModelFrames) -> str:
     """Returns the first link that is a body: the root, or what is fixed to a root named world."""
     if robot.root_link != "world":
         return robot.root_link
@@ -163,7 +121,7 @@ def base_link(robot: "Robot") -> str:
 
 
 def configuration_of(
-    robot: "Robot", posture: Mapping[str, Any], base_rpy: Any, base_position: Any
+    robot: ModelFrames, posture: Mapping[str, Any], base_rpy: Any, base_position: Any
 ) -> Floats:
     """Returns q of a posture by joint names; see `Robot.configuration`."""
     if not isinstance(posture, Mapping):

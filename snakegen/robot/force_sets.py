@@ -1,7 +1,7 @@
 """Force sets of a robot's apparatuses, from its gimbal joints' ranges and rotors' limits."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import lru_cache
 
 import numpy as np
 
@@ -10,15 +10,14 @@ from snakegen.errors import DescriptionError
 from snakegen.kernels.allocation.gimbals import mounts
 from snakegen.kernels.allocation.wrench_map import mean_drag, thrust_points
 from snakegen.kernels.kinematics.chain import forward, mass_properties
+from snakegen.robot.bodies import RobotBodies
 from snakegen.wrench_margins.force_sets import ForceSets
-
-if TYPE_CHECKING:
-    from snakegen.robot.robot import Robot
 
 SQUARE = 1e-6  # of a dot product of unit vectors: right angles
 
 
-def force_shapes(robot: "Robot") -> ForceSets:
+@lru_cache(maxsize=64)
+def force_shapes(robot: RobotBodies) -> ForceSets:
     """Returns the sets of `robot` as they are in any posture; frames and points are placeholders.
 
     `frames` turn the set's own axes into those of the first gimbal joint at 0 (see `mounts`): x
@@ -47,13 +46,15 @@ def force_shapes(robot: "Robot") -> ForceSets:
     return ForceSets.checked(np.zeros((n, 3)), frames, low, high, phi, theta, mean_drag(rotors, n))
 
 
-def force_sets_at(robot: "Robot", q: Floats) -> ForceSets:
+def force_sets_at(robot: RobotBodies, q: Floats) -> ForceSets:
     """Returns the sets at q, points and axes about the CoG in the root link's axes."""
     base, origin = robot.base_pose(q)
     return _placed(robot, base, origin, robot.angles(q))
 
 
-def force_sets_along(robot: "Robot", bases: Floats, origins: Floats, angles: Floats) -> ForceSets:
+def force_sets_along(
+    robot: RobotBodies, bases: Floats, origins: Floats, angles: Floats
+) -> ForceSets:
     """Returns the sets of m postures as one stack, points and axes about each CoG.
 
     Args:
@@ -61,7 +62,7 @@ def force_sets_along(robot: "Robot", bases: Floats, origins: Floats, angles: Flo
         bases, origins: (m, 3, 3) and (m, 3) m, of the root link.
         angles: (m, n-1) rad, in the tree's order.
     """
-    shapes, rows = robot.force_shapes, len(bases)
+    shapes, rows = force_shapes(robot), len(bases)
     points = np.empty((rows, len(shapes), 3))
     frames = np.empty((rows, len(shapes), 3, 3))
     for k, (base, origin, at) in enumerate(zip(bases, origins, angles, strict=True)):
@@ -70,18 +71,18 @@ def force_sets_along(robot: "Robot", bases: Floats, origins: Floats, angles: Flo
     return replace(shapes, points=points, frames=frames)
 
 
-def _placed(robot: "Robot", base: Floats, origin: Floats, angles: Floats) -> ForceSets:
+def _placed(robot: RobotBodies, base: Floats, origin: Floats, angles: Floats) -> ForceSets:
     """Returns the sets of one posture."""
     base, origin, angles = (np.ascontiguousarray(x) for x in (base, origin, angles))
     rotation, position = forward(robot.tree, base, origin, angles)
     _, cog, _ = mass_properties(robot.tree, rotation, position)
     m, _ = mounts(robot.tree, robot.rotors, robot.gimbals, rotation, position, cog, base)
     points = thrust_points(robot.gimbals, rotation, position, cog, base)
-    shapes = robot.force_shapes
+    shapes = force_shapes(robot)
     return replace(shapes, points=points, frames=m[:, :3] @ shapes.frames)
 
 
-def _turned(robot: "Robot", j: int) -> tuple[Floats, Floats, Floats]:
+def _turned(robot: RobotBodies, j: int) -> tuple[Floats, Floats, Floats]:
     """Returns the set's axes in those of the first joint, and the ranges of φ and θ."""
     g, tree = robot.gimbals, robot.tree
     bodies = sorted(b for b in (g.roll_body[j], g.pitch_body[j]) if b >= 0)
@@ -129,7 +130,7 @@ def _frame(x: Floats, z: Floats) -> Floats:
     return np.column_stack([x, np.cross(z, x), z])
 
 
-def gimbals_in_the_way(robot: "Robot", sets: ForceSets, up: Floats) -> tuple[str, ...]:
+def gimbals_in_the_way(robot: RobotBodies, sets: ForceSets, up: Floats) -> tuple[str, ...]:
     """Returns the gimbal joints whose limits keep a thrust from pointing along `up`, CoG axes.
 
     Args:

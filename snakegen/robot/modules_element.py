@@ -268,7 +268,8 @@ def _check_models(root: ET.Element, lines: dict[ET.Element, int]) -> None:
     """Checks <control>, <gains>, <plant> and <uncertainty> by the models of a spec."""
     if root.find("control") is None and root.find("plant") is None:
         return
-    from snakegen.spec.robot_spec import Control, GainSet, Plant, Uncertainty
+    from snakegen.spec.control import Control, GainSet
+    from snakegen.spec.plant import Plant, Uncertainty
 
     for element in root.iter("gains"):
         values = {k: v.split() for k, v in element.attrib.items() if k != "name"}

@@ -11,8 +11,9 @@ from pydantic import ValidationError
 from snakegen.base import yaml_file
 from snakegen.errors import DescriptionError, near
 from snakegen.robot.modules import Apparatus, Modules, Rotor, Servo
+from snakegen.spec.control import Control, GainSet
 from snakegen.spec.defaults import rate_filter
-from snakegen.spec.robot_spec import Control, GainSet, Plant, Uncertainty
+from snakegen.spec.plant import Plant, Uncertainty
 
 _MOST = 2000  # entries of a list
 _ARMATURE = 0.005  # kg m², of a servo that the file says nothing about (assumed)

@@ -2,26 +2,25 @@
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from snakegen.errors import SpecError
 from snakegen.spec import inertia, payload
 from snakegen.spec.base import resolve_base
+from snakegen.spec.chain import Chain, Joint
 from snakegen.spec.defaults import rate_filter
 from snakegen.spec.fields import Part, spell_out, spread
 from snakegen.spec.inertia_limits import refuse_excess
+from snakegen.spec.modules import Battery, Caster, Payload, ScrewDrive, VectoringApparatus
+from snakegen.spec.sections import SpecSections
 from snakegen.spec.wheel_layout import wheel_layout
-
-if TYPE_CHECKING:
-    from snakegen.spec.modules import Battery, Caster, Payload, ScrewDrive, VectoringApparatus
-    from snakegen.spec.robot_spec import Chain, Joint, RobotSpec
 
 _CROSS_WIDTH = 0.05  # m, of the joint's body and the gimbal modules where no inertia is given
 _PAIR_OFFSET = 0.037  # m, DRAGON's pitch axis above the roll axis
 _CROSS_MASS = 0.1  # kg, of the joint's body where no mass is given (assumed)
 
 
-def resolve(spec: "RobotSpec") -> dict[str, Any]:
+def resolve(spec: SpecSections) -> dict[str, Any]:
     """Returns `spec` as plain data that is itself a valid spec, every default filled in.
 
     Raises:
@@ -86,7 +85,7 @@ def _inertias(
     return out
 
 
-def _chain(chain: "Chain") -> dict[str, Any]:
+def _chain(chain: Chain) -> dict[str, Any]:
     n = chain.links
     out = _lists(chain, "chain", ("length", "mass", "radius", "com"), n, "links")
     walls = spread(chain.wall, n, "chain.wall", "links")
@@ -102,7 +101,7 @@ def _chain(chain: "Chain") -> dict[str, Any]:
     return out
 
 
-def _joint(joint: "Joint", n: int) -> dict[str, Any]:
+def _joint(joint: Joint, n: int) -> dict[str, Any]:
     names = ("gap", "upper", "effort", "velocity")
     out = _lists(joint, "joint", names, n, "joints") | {"axes": joint.axes_of(n)}
     masses = spread(joint.mass, n, "joint.mass", "joints")
@@ -154,7 +153,7 @@ def lone_clearance(radius: float, diameter: float) -> float:
     return 1.9 * radius + 0.62 * diameter
 
 
-def _apparatuses(part: "VectoringApparatus", links: int, radii: list[float]) -> dict[str, Any]:
+def _apparatuses(part: VectoringApparatus, links: int, radii: list[float]) -> dict[str, Any]:
     """Spells out the apparatuses, ordered from the root by link, then by position."""
     places = spell_out(part.at, links, "vectoring_apparatus.at")
     if not places:
@@ -194,7 +193,7 @@ def _apparatuses(part: "VectoringApparatus", links: int, radii: list[float]) -> 
     return out
 
 
-def _screws(part: "ScrewDrive", lengths: list[float]) -> dict[str, Any]:
+def _screws(part: ScrewDrive, lengths: list[float]) -> dict[str, Any]:
     """Spells out the drums, ordered from the root, and lays out the wheels of each."""
     where, places = "screw_drive", spell_out(part.at, len(lengths), "screw_drive.at")
     n = len(places)
@@ -244,7 +243,7 @@ def _screws(part: "ScrewDrive", lengths: list[float]) -> dict[str, Any]:
     return out if part.offset is None else out | {"offset": [offsets[j] for j in order]}
 
 
-def _wheels(part: "ScrewDrive", alpha: float) -> dict[str, Any]:
+def _wheels(part: ScrewDrive, alpha: float) -> dict[str, Any]:
     """Returns the wheels of a drum as plain lists: xacro cannot work them out."""
     try:
         layout = wheel_layout(
@@ -266,7 +265,7 @@ def _wheels(part: "ScrewDrive", alpha: float) -> dict[str, Any]:
     }
 
 
-def _casters(part: "Caster", links: int, screws: "ScrewDrive | None") -> dict[str, Any]:
+def _casters(part: Caster, links: int, screws: ScrewDrive | None) -> dict[str, Any]:
     places = spell_out(part.at, links, "caster.at")
     n = len(places)
     if part.drop is None and screws is None:
@@ -283,7 +282,7 @@ def _casters(part: "Caster", links: int, screws: "ScrewDrive | None") -> dict[st
     return out
 
 
-def _payload(part: "Payload", links: int, folder: Path) -> dict[str, Any]:
+def _payload(part: Payload, links: int, folder: Path) -> dict[str, Any]:
     """Spells out the payloads; a mesh gives what the spec leaves open, and moves to ``meshes/``."""
     places = spell_out(part.at, links, "payload.at")
     n = len(places)

@@ -1,14 +1,11 @@
 """What a spec allows and its maker should know: warnings of a build."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from snakegen.spec.drum_fit import drum_warnings
 from snakegen.spec.resolution import lone_clearance
-
-if TYPE_CHECKING:
-    from snakegen.spec.robot_spec import RobotSpec
-
+from snakegen.spec.robot_spec import RobotSpec
 
 _TURN = 4.0 * math.pi  # rad; hardly a joint turns further, but any limit in degrees reads so
 _LONG, _SHORT = 20.0, 1e-3  # m; lengths beyond are millimetres, or kilometres, in all likelihood
@@ -22,7 +19,7 @@ _LENGTHS = {
 }
 
 
-def warnings(spec: "RobotSpec") -> tuple[str, ...]:
+def warnings(spec: RobotSpec) -> tuple[str, ...]:
     """Returns what a spec allows and its maker should know."""
     resolved = spec.resolved()
     return (
@@ -33,7 +30,7 @@ def warnings(spec: "RobotSpec") -> tuple[str, ...]:
     )
 
 
-def _scaled(spec: "RobotSpec", resolved: dict[str, Any]) -> list[str]:
+def _scaled(spec: RobotSpec, resolved: dict[str, Any]) -> list[str]:
     """Returns a note of each inertia that follows the masses and sizes set over a file's."""
     out = []
     for field in spec.scaled:
@@ -160,7 +157,7 @@ def _mass(resolved: dict[str, Any]) -> float:
     return float(sum(resolved["chain"]["mass"]) + crosses + modules + payload + battery)
 
 
-def _screws(spec: "RobotSpec", resolved: dict[str, Any]) -> list[str]:
+def _screws(spec: RobotSpec, resolved: dict[str, Any]) -> list[str]:
     """Returns warnings of screw drives."""
     if spec.screw_drive is None:
         return []
