@@ -1,6 +1,6 @@
 """Statics: joint torques of a posture, what they consist of, and what the tip can bear.
 
-THEORY C and A5: ZS24 eqs 11-25 mended and completed, ZN23 eq 6; the law is in `kinetostatics`.
+THEORY C and A5: ZS24 eqs 11-25 mended and completed, ZN23 eq 6; the law is in `statics`.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,7 @@
 """The loop of an arm on a fixed base: its servos are led along a motion in MuJoCo.
 
 Beside the servos' torque it asks MuJoCo's inverse dynamics for the torque of the same motion, so
-that the law of `kinetostatics` is held against both, as ZS24 compares with ADAMS.
+that the law of `statics` is held against both, as ZS24 compares with ADAMS.
 """
 
 from collections.abc import Callable
