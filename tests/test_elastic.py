@@ -42,6 +42,26 @@ def test_a_split_robot_has_the_same_mass_matrix_while_it_does_not_bend(name):
     assert found[0][3] == pytest.approx(found[1][3])
 
 
+@pytest.mark.parametrize("name", ["dragon3", "arm6"])
+def test_a_split_robot_touches_itself_where_the_rigid_one_does(name):
+    robot = snakegen.load(name)
+    worlds = [make_world(robot, link_stiffness=k, floor=False) for k in (0.0, 1300.0)]
+    data = [mujoco.MjData(w.model) for w in worlds]
+    rng, count = np.random.default_rng(0), 0
+    for _ in range(60):
+        angles, found = rng.uniform(-2.0, 2.0, len(worlds[0].qpos)), []
+        for world, d in zip(worlds, data, strict=True):
+            d.qpos[world.qpos] = angles
+            mujoco.mj_forward(world.model, d)
+            owner = [world.model.body(int(b)).name for b in world.model.geom_bodyid]
+            found.append(
+                {frozenset(owner[g].removesuffix("_tip") for g in c.geom) for c in d.contact}
+            )
+        assert found[0] == found[1]
+        count += len(found[0])
+    assert count > 0
+
+
 def one_link(length=0.8, mass=1.5, **more):
     chain = {"links": 1, "length": length, "mass": mass, "radius": 0.01, **more}
     return load(RobotSpec(name="rod", chain=chain))

@@ -6,7 +6,7 @@ cross of a universal joint) joins those on its two sides as if they shared a joi
 """
 
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import mujoco
@@ -56,6 +56,25 @@ def exclude_neighbours(spec: mujoco.MjSpec, modules: Modules) -> None:
                 _exclude_all(spec, above.solid, child.solid)
         for one, two in combinations(group.children, 2):
             _exclude_all(spec, one.solid, two.solid)
+
+
+def exclude_welded(spec: mujoco.MjSpec) -> None:
+    """Excludes, by name, contact that MuJoCo leaves out only because bodies are welded together.
+
+    Its parent filter takes welded bodies for one. Of groups that will get joints inside, contact
+    stays left out among their own bodies and with what shares a joint with the group.
+
+    Args:
+        spec: the robot's, with the excludes of its neighbours.
+    """
+    known = {frozenset((e.bodyname1, e.bodyname2)) for e in spec.excludes}
+    for group in _groups(spec):
+        pairs = list(combinations(group.solid, 2))
+        if group.parent is not None:
+            pairs += product(group.parent.solid, group.solid)
+        for first, second in pairs:
+            if frozenset((first, second)) not in known:
+                exclude(spec, first, second)
 
 
 def exclude(spec: mujoco.MjSpec, first: str, second: str, mark: str = "") -> None:

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from snakegen.base.geometry import Floats
+from snakegen.description.mjcf.neighbours import exclude_welded
 from snakegen.errors import DescriptionError
 
 _AXES = {"pitch": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0)}
@@ -65,6 +66,7 @@ def add_springs(
     """
     for key in list(spec.keys):  # their configurations lack the springs
         spec.delete(key)
+    exclude_welded(spec)
     for link in links:
         body = spec.body(tip_name(link))
         for name, axis in bend_axes(link).items():
