@@ -182,6 +182,7 @@ def test_statics_of_a_body_on_the_ground_has_no_tip():
     assert found.rolls and found.tip_load is None and found.to_json()["tip_load"] is None
     rows = dict(found.rows())
     assert rows["no load"] == "7 joints"  # three yaw joints and four screws
+    assert len(found.free) == 128 and "no declared effort" not in rows  # 4 drums of 32 wheels
     assert not [label for label in rows if label.startswith("tip")]
     assert statics.analyze(arm, arm.configuration()).tip_load is not None
 

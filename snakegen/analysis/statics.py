@@ -74,6 +74,7 @@ class StaticsResult:
         flies: whether the robot floats and has rotors.
         gimbals: names of the joints that turn an apparatus.
         rolls: whether it rests on drums: no `tip_load` unless it flies.
+        free: names of the wheels on drums and of spinning rotors without a servo; no rows of text.
     """
 
     joints: tuple[str, ...]
@@ -95,6 +96,7 @@ class StaticsResult:
     flies: bool
     gimbals: frozenset[str]
     rolls: bool = False
+    free: frozenset[str] = frozenset()
 
     @property
     def overloaded(self) -> tuple[str, ...]:
@@ -110,10 +112,11 @@ class StaticsResult:
         out.append(("consists of", ", ".join(shares) or "nothing: no load"))
         if self.overloaded:
             out.append(("overloaded", ", ".join(self.overloaded)))
-        unknown = [n for n, m in zip(self.joints, self.limit, strict=True) if np.isinf(m)]
+        held = [i for i, name in enumerate(self.joints) if name not in self.free]
+        unknown = [self.joints[i] for i in held if np.isinf(self.limit[i])]
         if unknown:
             out.append(("no declared effort", f"{', '.join(unknown)}: no share of a limit"))
-        if self.tip_load is not None and len(unknown) < len(self.joints):
+        if self.tip_load is not None and len(unknown) < len(held):
             out += self._tip_rows(self.tip_load)
         if self.worst is not None:
             use = f"{100 * self.worst['use']:.3g} % of {self.worst['joint']}"
@@ -121,7 +124,8 @@ class StaticsResult:
             if self.worst["use_bound"] is not None:
                 most = f"no posture takes more than {100 * self.worst['use_bound']:.4g} %"
                 out.append(("", f"{most} of any joint (proved)"))
-        return out + joint_rows(self.joints, self.torque, self.limit, self.use)
+        names = tuple(self.joints[i] for i in held)
+        return out + joint_rows(names, self.torque[held], self.limit[held], self.use[held])
 
     def _worst_angles(self) -> str:
         """Returns the chain's angles of the worst posture; gimbals follow from them in hover."""
@@ -267,7 +271,15 @@ def analyze(
         robot.floating and bool(robot.modules.apparatuses),
         robot.gimbal_names,
         rolls,
+        _free(robot, limit),
     )
+
+
+def _free(robot: Robot, limit: Floats) -> frozenset[str]:
+    """Returns the names of the joints on drums and rotor shafts that declare no effort."""
+    turning = robot.rolling_names | {robot.joint_names[b - 1] for b in robot.spinners}
+    names = zip(robot.joint_names, limit, strict=True)
+    return frozenset(n for n, most in names if n in turning and np.isinf(most))
 
 
 def _use(torque: Floats, limit: Floats) -> Floats:
