@@ -230,7 +230,7 @@ GOOD = {"allocation": np.eye(6), "lower": 0.0, "upper": 1.0, "hover_wrench": np.
         ({"allocation": np.eye(5)}, r"Q has shape \(5, 5\)"),
         ({"allocation": "six"}, "not an array of numbers"),
         ({"lower": 2.0}, r"lower\[0\] = 2 is above upper\[0\] = 1"),
-        ({"lower": -1.0}, "cannot be negative"),
+        ({"lower": -2.0, "upper": -1.0}, r"upper\[0\] is -1; .* cannot be negative"),
         ({"upper": np.inf}, "must be finite"),
         ({"upper": [1.0, 2.0]}, r"upper has shape \(2,\)"),
         ({"hover_wrench": np.zeros(5)}, r"hover_wrench has shape \(5,\)"),
@@ -243,6 +243,14 @@ def test_bad_input_is_one_clear_line(change, says):
     with pytest.raises(SnakegenError, match=says) as caught:
         thrust_margins(**arguments)
     assert "\n" not in str(caught.value)
+
+
+def test_a_negative_least_thrust_reverses_a_rotor():
+    """Unit axes, thrusts -0.8 to 1 about none: the nearer limit is the margin."""
+    given = {**GOOD, "hover_wrench": np.zeros(6), "force_scale": 1, "torque_scale": 1}
+    m, forward = (thrust_margins(**{**given, "lower": low}) for low in (-0.8, 0.0))
+    assert [m.wrench, m.force, m.torque] == pytest.approx([0.8] * 3, rel=1e-12)
+    assert forward.force == forward.torque == 0.0
 
 
 def test_results_refuse_what_they_do_not_hold():
