@@ -21,7 +21,9 @@ def test_the_example_for_any_robot_runs() -> None:
     assert m.rank == 6 and m.feasible and m.force > 0 and m.torque > 0
     assert m.directional(m.worst("force")) == pytest.approx(m.force, rel=1e-9)
     # equal limits, centroid at the CoG: exactly Ñ L - m g
-    assert v.closed and v.force == pytest.approx(4 * 8.0 - names["weight"], rel=1e-9)
+    exact = 4 * 8.0 - names["weight"]
+    assert v.closed and v.force_bounds[1] == pytest.approx(exact, rel=1e-9)
+    assert exact * (1.0 - v.tolerance) <= v.force == v.force_bounds[0] <= exact
     assert v.directional([1, 0, 0, 0, 0, 0]) == pytest.approx(
         np.sqrt(32.0**2 - names["weight"] ** 2), rel=1e-6
     )
