@@ -340,7 +340,8 @@ def test_a_singular_posture_that_is_forced_fails_for_all_to_see(robot):
     with pytest.raises(SnakegenError, match="singular"):
         prepare(robot, "push", options={"posture": nearly})
     options = {"posture": nearly, "force": True}
-    recording = run(robot, "push", ideal=True, options=options)
+    recording = run(robot, "push", options=options)
     assert np.all(recording.channel("sigma_min").values[:10] < 0.02)
     assert recording.meta["stopped"] and recording.metrics["ratio"] < 0.5
+    assert [c.metric for c in recording.verdict.checks if not c.passed] == ["informed_ratio"]
     assert not recording.verdict.passed and not recording.metrics["completed"]
