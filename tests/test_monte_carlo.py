@@ -138,6 +138,8 @@ def test_command_line_reports_survival_and_logs_the_worst(tmp_path):
         if extra:
             out = json.loads(found.stdout)
             assert out["survived"] == 2 and out["passed"] and out["log"] == str(log)
+            names = {name.removesuffix("_s") for name in out["worst"]["drawn"]}
+            assert set(out["uncertainty"]) == names | {"inertia"}
         else:
             assert "2 of 2 flights survived: 100.0 %" in found.stdout
 

@@ -105,7 +105,7 @@ class MonteCarlo:
         return {
             "trials": len(self.trials),
             "trials_asked": self.asked,
-            "uncertainty": vars(self.spread),
+            "uncertainty": ranges(self.spread),
             "survived": sum(t.survived for t in self.trials),
             "passed_all_checks": sum(t.passed for t in self.trials),
             "failed_checks": dict(Counter(c for t in self.trials for c in t.failed).most_common()),
@@ -116,6 +116,12 @@ class MonteCarlo:
             "worst": vars(next(t for t in self.trials if t.number == self.worst)),
             "lost": [vars(t) for t in self.trials if not t.survived],
         }
+
+
+def ranges(spread: Any) -> dict[str, float]:
+    """Returns the ranges that trials draw from, by name; flights draw no joint friction."""
+    unused = {"friction"} if isinstance(spread, Spread) else set()
+    return {k: v for k, v in vars(spread).items() if k not in unused}
 
 
 class _Stop(Exception):
