@@ -81,4 +81,11 @@ def test_trials_of_an_arm_by_command(capsys, tmp_path):
     out = json.loads(capsys.readouterr().out)
     assert ended.value.code == (0 if out["passed"] else 3)
     assert out["trials"] == 2 and (tmp_path / "t.rrd").is_file()
-    assert out["uncertainty"]["friction"] == 0.02
+    assert out["uncertainty"]["friction"] == 0.005
+
+
+def test_ranges_are_the_specs():
+    ranges = "plant.uncertainty={mass: 0.2, inertia: 0.3, friction: 0.1}"
+    robot = snakegen.load(load_spec("arm6", overrides=[ranges, "plant.joint_noise=0.01"]))
+    expected = ArmSpread(mass=0.2, inertia=0.3, friction=0.1, offset_rad=0.01)
+    assert ArmSpread.of(robot) == expected

@@ -32,7 +32,7 @@ class ArmSpread:
 
     mass: float = 0.05  # each body's, its inertia with it
     inertia: float = 0.10  # each body's, beside its mass
-    friction: float = 0.02  # of each joint: 0 … this share of its servo's torque, added (assumed)
+    friction: float = Spread.friction  # of each joint: 0 … this share of its servo's torque, added
     stiffness: float = 0.10  # of each servo (assumed)
     offset_rad: float = 0.00175  # standard deviation of each joint sensor (plant.joint_noise)
 
@@ -41,7 +41,7 @@ class ArmSpread:
         """Returns the ranges of a robot: plant.uncertainty and plant.joint_noise of its spec."""
         known = Spread.of(robot.modules.uncertainty)
         offset = float(robot.modules.plant.get("joint_noise", ArmSpread.offset_rad))
-        return ArmSpread(mass=known.mass, inertia=known.inertia, offset_rad=offset)
+        return ArmSpread(known.mass, known.inertia, known.friction, offset_rad=offset)
 
 
 @dataclass(frozen=True, eq=False)
