@@ -1,5 +1,6 @@
 """Limits of gimbals and least thrusts move hover, refusals and verdicts by the right amount."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -91,9 +92,17 @@ def test_a_start_out_of_limits_is_refused_with_its_remedy(
 
 
 def test_margins_of_logs_count_gimbal_limits_and_least_thrusts() -> None:
-    """A log's margins are those of the force sets at its postures, far below those of balls."""
-    cases = ((limited(0.05), -1, 0.2), (limited(0.2), -1, 0.6), (limited(least=8.5), 0, 0.9))
-    for robot, row, most in cases:
+    """A log's bounds hold the margins of the force sets at its postures, far below those of balls.
+
+    Two products of convex pieces an instant keep within 2 % where gimbals are narrow; a cut-out
+    core takes more of them (one posture: 0.3 %).
+    """
+    cases = (
+        (limited(0.05), -1, 0.2, 0.98),
+        (limited(0.2), -1, 0.6, 0.98),
+        (limited(least=8.5), 0, 0.9, 0.0),
+    )
+    for robot, row, most, close in cases:
         recording = run(robot, "hover", options={"duration": 0.5, "trim": 0.0, "posture": ARC})
         time = recording.times("force_margin")[row]
         at = np.searchsorted(recording.times("q"), time - 1e-9)
@@ -101,9 +110,15 @@ def test_margins_of_logs_count_gimbal_limits_and_least_thrusts() -> None:
         sets = robot.force_sets(recording.channel("q").values[at])
         scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
         m = set_margins(sets, a.hover_wrench, tolerance=1e-2, **scale)
+        stack = replace(sets, points=sets.points[None], frames=sets.frames[None])
+        batch = set_margins(stack, a.hover_wrench, tolerance=1e-2, **scale)
         for name in ("force", "torque"):
-            logged = recording.channel(f"{name}_margin").values[row, 0]
-            assert logged == pytest.approx(getattr(m, name), rel=2e-2)
+            low = recording.channel(f"{name}_margin").values[row, 0]
+            high = recording.channel(f"{name}_margin_upper").values[row, 0]
+            inner, outer = getattr(m, f"{name}_bounds")
+            assert outer - inner <= 3e-3 * outer
+            assert [low, high] == pytest.approx(getattr(batch, f"{name}_bounds")[0], rel=1e-3)
+            assert max(0.0, close * inner) < low <= outer and inner <= high <= 1.03 * outer
         balls = vectored_margins(a.thrust_points, robot.gimbals.limit, a.hover_wrench, **scale)
         assert 0.0 < recording.channel("force_margin").values[row, 0] < most * balls.force
 

@@ -40,7 +40,8 @@ def margins_along(
     """Returns margins (m,) at ticks `rows` of a plan, where the robot was as `states` say.
 
     Gimbals are taken as they are. Virtual single rotor: wrench, force [N] and torque [N m]
-    margins; dual rotor: the wrench margin of ``[f_z; τ]``, force and torque undefined (NaN).
+    margins, lower bounds, and upper ones as `…_upper` where sets are not balls; dual rotor: the
+    wrench margin of ``[f_z; τ]``, force and torque undefined (NaN).
     """
     modes = np.full(len(plan.time), controller.mode) if plan.mode is None else plan.mode
     groups: dict[tuple[int, tuple[int, ...]], list[int]] = {}
@@ -68,7 +69,8 @@ def _vectored(
 ) -> dict[str, Floats]:
     """Returns the margins of virtual single rotors within gimbal limits and least thrusts.
 
-    Certain (lower) bounds, row by row; where all sets are balls the maps at hand are enough.
+    Certain (lower) bounds, row by row; where all sets are balls the maps at hand are enough, and
+    the bounds agree to 1 %. Elsewhere a batch leaves them apart, and the upper ones are kept too.
     """
     lost = np.flatnonzero(controller.gimbals.limit <= 0.0)
     shapes = robot.force_shapes.without(lost)
@@ -79,11 +81,15 @@ def _vectored(
     scales: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
     m = set_margins(sets, hover, tolerance=1e-2, **scales)
     wrench = np.asarray(m.wrench_bounds)[:, 0]
-    return {
+    out = {
         "wrench_margin": np.where(np.isfinite(wrench), wrench, np.nan),  # -inf: no bound is known
         "force_margin": m.force_bounds[:, 0],
         "torque_margin": m.torque_bounds[:, 0],
     }
+    if not shapes.balls.all():
+        out["force_margin_upper"] = m.force_bounds[:, 1]
+        out["torque_margin_upper"] = m.torque_bounds[:, 1]
+    return out
 
 
 def _thrusts(

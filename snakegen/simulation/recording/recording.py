@@ -55,6 +55,8 @@ STANDARD: dict[str, Standard] = {
     "wrench_margin": Standard("1", "scaled margins", "scaled wrench margin"),
     "force_margin": Standard("N", "margins", "force margin"),
     "torque_margin": Standard("N·m", "margins", "torque margin"),
+    "force_margin_upper": Standard("N", "margins", "upper bound of the force margin"),
+    "torque_margin_upper": Standard("N·m", "margins", "upper bound of the torque margin"),
     "floor_distance": Standard("m", "clearance", "smallest distance of the robot to the floor"),
     "self_distance": Standard("m", "clearance", "smallest distance between parts that may touch"),
     "obstacle_distance": Standard("m", "clearance", "smallest distance to an obstacle"),

@@ -13,6 +13,8 @@ MAY_BE_UNDEFINED = frozenset(
         "wrench_margin",
         "force_margin",
         "torque_margin",
+        "force_margin_upper",
+        "torque_margin_upper",
         "sigma_min",
         "disturbance_point",
         "obstacle_distance",
