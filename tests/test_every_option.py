@@ -49,6 +49,7 @@ VALUES: dict[str, dict[str, list[str]]] = {
         "direction": ["1,0,0"],
         "worst": [""],
     },
+    "relief": {"wrenches": ["LAST=0,1,-2,0,0.1,0"], "gravity": ["0,0,0"]},
     "traction": {"friction": ["0.3"], "slope": ["0.1"], "link": ["LAST"]},
     "along": {"table": ["ALONG"], "step": ["0.05"], "margin": ["torque_margin"]},
     "motion": {
@@ -73,6 +74,8 @@ VALUES: dict[str, dict[str, list[str]]] = {
         "give_up": ["0.01"],
         "margin": ["0.01"],
         "port": ["0.9,0,0.1"],
+        "obstacles": ["OBSTACLES"],
+        "tries": ["2"],
         "tip": ["LAST"],
         "tip_point": ["0.1,0,0"],
     },
@@ -84,6 +87,7 @@ VALUES: dict[str, dict[str, list[str]]] = {
         "room": ["0.02"],
         "feed": ["0.1"],
         "step": ["0.02"],
+        "obstacles": ["OBSTACLES"],
         "give_up": ["0.002"],
         "margin": ["0.01"],
         "tip": ["LAST"],
@@ -133,6 +137,11 @@ def filled(value: str, robot: Robot, folder: Path) -> str:
         rows.append(",".join(["1", *["0.1"] * len(names)]))
         (folder / "along.csv").write_text("\n".join(rows) + "\n")
         return str(folder / "along.csv")
+    if value == "OBSTACLES":
+        (folder / "obstacles.yaml").write_text(
+            "obstacles: [{centre: [3, 0, 0], half: [0.1, 0.1, 0.1]}]\n"
+        )
+        return str(folder / "obstacles.yaml")
     if value == "POINTS":
         (folder / "points.csv").write_text("1.25,0.08,0.08\n1.3,0.08,0.08\n1.32,0.08,0.08\n")
         return str(folder / "points.csv")
@@ -152,7 +161,7 @@ def cases() -> list[tuple[str, str, str | None, str]]:
         options = VALUES.get(command, {})
         given = [(k, v) for k in entry.options for v in options.get(k, [])]
         for i, (option, value) in enumerate(given):
-            chosen = PRESETS if FULL else (fits[i % min(len(fits), 2)],)
+            chosen = PRESETS if FULL else fits[i % 2 : i % 2 + 1] or fits[:1]
             out += [(preset, command, option, value) for preset in chosen]
     return out
 

@@ -202,14 +202,13 @@ def test_the_command_line_takes_it_and_logs_it(tmp_path):
 def test_the_page_names_the_missions_that_are_trimmed():
     from pathlib import Path
 
-    from snakegen.simulation.missions import missions
+    from snakegen.simulation.missions import missions, module_of
 
     page = (Path(__file__).parents[1] / "docs/flights.md").read_text(encoding="utf-8")
     said = page.partition("Missions `transform`")[2].partition("are **trimmed** first")[0]
     named = {n for n in ("transform`" + said).split("`") if n.isidentifier()}
     trimmed_ones = set()
     for name in missions():
-        module = __import__(f"snakegen.simulation.missions.{name}", fromlist=["OPTIONS"])
-        if module.OPTIONS.get("trim", [0.0])[0]:
+        if module_of(name).OPTIONS.get("trim", [0.0])[0]:
             trimmed_ones.add(name)
     assert named == trimmed_ones - {"path"}, "mission files are `path`"

@@ -46,7 +46,7 @@ def sources(module: str) -> list[Path]:
     reached, waiting = set(), [module]
     while waiting:
         name = waiting.pop()
-        if name not in reached:
+        if name not in reached and _file(name).is_file():
             reached.add(name)
             waiting.extend(_imports(name))
     return sorted(_file(name) for name in reached)
