@@ -67,8 +67,8 @@ def gains(given: Gains) -> Gains:
 def plant(given: Imperfections, options: dict[str, Any]) -> Imperfections:
     """Returns a plant without a battery, unless it is asked for.
 
-    The ramp takes 120 s at up to 1.2 times hover's thrust; a battery of 180 s of hover is empty
-    before its end, and the limit would be that of the battery.
+    The ramp takes 120 s at up to 1.2 times hover's thrust; a battery for three minutes of hover is
+    empty before its end, and the limit would be that of the battery.
     """
     return given if options.get("battery") else replace(given, battery_energy=0.0)
 
