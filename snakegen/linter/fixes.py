@@ -12,7 +12,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
 
-from snakegen.linter.finding import Finding, label, number, numbers
+from snakegen.linter.finding import label, number, numbers
 from snakegen.linter.grammar import GRAMMAR
 from snakegen.linter.joint_rules import AXIS_TOLERANCE
 from snakegen.linter.xml_tree import Node, parse_xml
@@ -53,23 +53,6 @@ def fix(text: str, folder: Path | None = None) -> tuple[str, list[str]]:
         at = mend.end
         done.append(f"line {mend.line}: {mend.words}")
     return b"".join([*out, data[at:]]).decode("utf-8"), done
-
-
-def mendable(found: list[Finding]) -> list[Finding]:
-    """Returns the findings that `fix` may mend."""
-    return [finding for finding in found if finding.code in _CODES]
-
-
-_CODES = {
-    "late_declaration",
-    "axis_not_unit",
-    "axis_rounded",
-    "massless_frame",
-    "misspelt_attribute",
-    "misspelt_tag",
-    "backslash_path",
-    "absolute_mesh",
-}
 
 
 def _mends(robot: Node, data: bytes, folder: Path | None) -> Iterator[Mend]:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from snakegen.base.geometry import Floats
+from snakegen.errors import DescriptionError
 from snakegen.robot.robot import GRAVITY
 from snakegen.screw_drive.ground_stance import Stance
 from snakegen.screw_drive.traction_program import HeldLoad, held_load, upper_bound
@@ -111,6 +112,9 @@ def largest_payload(body: Stance, friction: float, slope: float = 0.0, link: str
     """Returns the largest mass [kg] that is held at the worst place, nose up on `slope`.
 
     Places are the middles and ends of the links (of one link, where it is named), on their axes.
+
+    Raises:
+        DescriptionError: no link is named and the robot states no link lengths.
     """
     lengths = body.robot.modules.lengths
     down = gravity_on(slope, downhill(body, "nose_up"))
@@ -121,7 +125,11 @@ def largest_payload(body: Stance, friction: float, slope: float = 0.0, link: str
             held = _bracket(body, weight, body.load_at(name, place) @ down, friction)
             if worst is None or not held.value >= worst.value:
                 worst = held
-    assert worst is not None
+    if worst is None:
+        raise DescriptionError(
+            f"{body.robot.name}: no link has a length, so there is no place for a payload; "
+            "name a link or give link lengths."
+        )
     return worst
 
 
