@@ -8,15 +8,28 @@ from __future__ import annotations
 TYPE_CHECKING = False  # typing itself takes long enough to import for a Ctrl-C to meet it
 
 __version__ = "0.1.0"
-__all__ = ["Robot", "RobotSpec", "SnakegenError", "build", "convert", "lint", "load"]
+__all__ = [
+    "Configuration",
+    "PostureMargins",
+    "Robot",
+    "RobotSpec",
+    "SnakegenError",
+    "build",
+    "convert",
+    "lint",
+    "load",
+    "margins",
+]
 
 if TYPE_CHECKING:
     from typing import Any
 
+    from snakegen.analysis.posture_margins import PostureMargins, margins
     from snakegen.errors import SnakegenError
     from snakegen.linter.lint import lint
     from snakegen.pipeline.build import build
     from snakegen.pipeline.convert import convert
+    from snakegen.robot.configuration import Configuration
     from snakegen.robot.robot import Robot, load
     from snakegen.spec.robot_spec import RobotSpec
 
@@ -24,7 +37,10 @@ _HOME = {
     "build": "snakegen.pipeline.build",
     "convert": "snakegen.pipeline.convert",
     "lint": "snakegen.linter.lint",
+    "margins": "snakegen.analysis.posture_margins",
     "load": "snakegen.robot.robot",
+    "Configuration": "snakegen.robot.configuration",
+    "PostureMargins": "snakegen.analysis.posture_margins",
     "Robot": "snakegen.robot.robot",
     "RobotSpec": "snakegen.spec.robot_spec",
     "SnakegenError": "snakegen.errors",
@@ -40,3 +56,8 @@ def __getattr__(name: str) -> Any:
     value = getattr(importlib.import_module(_HOME[name]), name)
     globals()[name] = value
     return value
+
+
+def __dir__() -> list[str]:
+    """Lists what there is to use, loaded or not."""
+    return sorted({*__all__, "__version__", "__doc__"})

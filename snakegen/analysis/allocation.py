@@ -78,7 +78,7 @@ def allocation(robot: Robot, q: ArrayLike, thrust: ArrayLike | None = None) -> A
         PostureError: q has the wrong size or holds NaN.
         AnalysisError: thrust has the wrong size or holds NaN.
     """
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     base, origin = robot.base_pose(q)
     rotation, position = forward(robot.tree, base, origin, robot.angles(q))
     mass, cog, inertia = mass_properties(robot.tree, rotation, position)

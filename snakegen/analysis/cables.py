@@ -100,7 +100,7 @@ def analyze(
     if mjcf is not None:
         require_suffix(mjcf, ".xml")
     cables, given = _cables(robot, sizes)
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     how: dict[str, Any] = {}
     if routing is None:
         places: dict[str, Any] = {

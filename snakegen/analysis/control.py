@@ -134,7 +134,7 @@ def analyze(
         str(control.get("gains", names[0] or DEFAULT)),
         str(control.get("mode", next(iter(modes)))),
     )
-    there = hover_gimbals(robot, robot.configuration() if q is None else robot.check_q(q))
+    there = hover_gimbals(robot, robot.configuration() if q is None else q)
     angles, (base, _) = robot.angles(there), robot.base_pose(there)
     turns = np.zeros((len(robot.modules.apparatuses), 2))
     for j, bodies in enumerate(zip(robot.gimbals.roll_body, robot.gimbals.pitch_body, strict=True)):

@@ -49,7 +49,7 @@ def applies(robot: Robot) -> bool:
 
 def analyze(robot: Robot, q: Floats) -> Mass:
     """Returns mass properties of the whole body at q, a fixed root link included."""
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     base, origin = robot.base_pose(q)
     rotation, position = forward(robot.tree, base, origin, robot.angles(q))
     tree, fixed = robot.tree, 0.0

@@ -235,7 +235,7 @@ def analyze(
         raise AnalysisError(f"terms: '{terms}' is none of {', '.join(DEPTHS)}.")
     if table is not None:
         require_suffix(table, ".csv")
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     names = robot.chain_joints
     start = robot.angles(q)[[robot.joint_names.index(n) for n in names]]
     lasts = seconds(duration)

@@ -204,7 +204,7 @@ def analyze(
     Raises:
         AnalysisError: no chain joint, a path or option that is none.
     """
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     chain = chain_of(robot, q, find_tip(robot, tip, tip_point))
     if not 0 <= margin < 0.5 * float(np.min(chain.upper - chain.lower)):
         raise AnalysisError(f"margin = {margin:g} rad leaves the joints no range.")

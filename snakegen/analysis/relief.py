@@ -117,7 +117,7 @@ def analyze(
     """
     if not applies(robot):
         raise AnalysisError(f"{robot.name}: relief needs a fixed base and apparatuses on gimbals.")
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     g = finite(gravity, (3,), "gravity")
     index = [robot.joint_names.index(n) for n in robot.chain_joints]
     static = joint_torques(robot, q, wrenches=wrenches, gravity=g, terms="static")

@@ -232,7 +232,7 @@ def analyze(
         raise AnalysisError(f"{robot.name} has no joint: there is no torque to analyse.")
     if terms not in DEPTHS:
         raise AnalysisError(f"terms: '{terms}' is none of {', '.join(DEPTHS)}.")
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     given: dict[str, Any] = {"wrenches": wrenches, "gravity": gravity}
     held = hold_up(robot, q, hold=hold, thrust=thrust, **given)
     rows = torque_terms(robot, q, v, a, **given)

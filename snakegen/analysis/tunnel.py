@@ -156,7 +156,7 @@ def analyze(
     Raises:
         AnalysisError: no hole, numbers that are none, a mouth that the tip cannot stand in.
     """
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     if not applies(robot):
         raise AnalysisError(f"{robot.name}: tunnel needs a chain on a fixed base.")
     for name, number in (("step", step), ("give_up", give_up), ("depth", depth)):

@@ -64,7 +64,7 @@ def torques_along(
         AnalysisError: more than fits into memory, NaN, wrong shapes.
         DescriptionError: a wrench on a link that does not exist.
     """
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     n, m = len(robot.joint_names), len(time)
     refuse_beyond(
         8.0 * m * (n + 6) * (3 + 2 * len(torque_terms.TERMS)),

@@ -10,6 +10,7 @@ import pinocchio as pin
 from snakegen.base.geometry import Floats, quaternion_xyzw, rotation_from_rpy
 from snakegen.errors import DescriptionError, PostureError, near
 from snakegen.kernels.core.types import Gimbals, Rotors, Tree
+from snakegen.robot.configuration import Configuration
 from snakegen.robot.frames import ModelFrames
 
 
@@ -122,7 +123,7 @@ def base_link(robot: ModelFrames) -> str:
 
 def configuration_of(
     robot: ModelFrames, posture: Mapping[str, Any], base_rpy: Any, base_position: Any
-) -> Floats:
+) -> Configuration:
     """Returns q of a posture by joint names; see `Robot.configuration`."""
     if not isinstance(posture, Mapping):
         raise PostureError(
@@ -154,7 +155,7 @@ def configuration_of(
                 f"{robot.name}: {name} = {angle:g} is outside its limits {low:g} … {high:g}."
             )
         q[joint.idx_q] = angle
-    return q
+    return Configuration(robot, q)
 
 
 def _vector(value: Any, name: str) -> Floats:

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from snakegen.base.geometry import Floats, rotation_from_xyzw
-from snakegen.errors import PostureError
+from snakegen.base.geometry import Floats
 from snakegen.kernels.core.types import Gimbals, Rotors
 from snakegen.robot.arrays import gimbals_of, rotors_of, spinners_of
+from snakegen.robot.configuration import Configuration
 from snakegen.robot.frames import ModelFrames
 
 GRAVITY = 9.81  # m/s²
@@ -86,36 +86,27 @@ class RobotBodies(ModelFrames):
         """Bodies that a rotor's own spin joint moves: their angle does not matter."""
         return spinners_of(self)
 
-    def check_q(self, q: Any) -> Floats:
-        """Returns `q` as float64 after checking its size and its numbers."""
-        out = np.asarray(q, dtype=float)
-        if out.shape != (self.model.nq,):
-            raise PostureError(f"{self.name}: q has shape {out.shape}, ({self.model.nq},) needed.")
-        if not np.all(np.isfinite(out)):
-            raise PostureError(f"{self.name}: q holds NaN or infinity.")
-        return out
+    def validate_configuration(self, q: ArrayLike) -> Configuration:
+        """Returns `q` as a configuration of this robot: itself if it is one, else a checked copy.
 
-    def base_pose(self, q: Floats) -> tuple[Floats, Floats]:
+        Args:
+            q: (nq,) in Pinocchio's order.
+
+        Raises:
+            PostureError: another size, or an entry that is not finite.
+        """
+        if isinstance(q, Configuration) and q.robot is self:
+            return q
+        return Configuration(self, q)
+
+    def base_pose(self, q: ArrayLike) -> tuple[Floats, Floats]:
         """Returns the base's rotation (3, 3) and position (3,) [m] in q."""
-        if not self.floating:
-            return np.eye(3), np.zeros(3)
-        return rotation_from_xyzw(q[3:7]), np.array(q[:3])
+        at = self.validate_configuration(q)
+        return np.array(at.base_rotation), at.base_position
 
-    def angles(self, q: Floats) -> Floats:
+    def angles(self, q: ArrayLike) -> Floats:
         """Returns the joint angles (n-1,) of q in the tree's order."""
-        q = self.check_q(q)
-        at, turning = self._places
-        out = q[at]
-        out[turning] = np.arctan2(q[at[turning] + 1], out[turning])
-        return np.asarray(out)
-
-    @cached_property
-    def _places(self) -> tuple[Any, Any]:
-        """Where each joint's angle stands in q, and which are continuous (cos, sin there)."""
-        first = 2 if self.floating else 1
-        joints = [self.model.joints[k] for k in range(first, self.model.njoints)]
-        at = np.array([joint.idx_q for joint in joints], np.int64)
-        return at, np.flatnonzero([joint.nq == 2 for joint in joints])
+        return np.array(self.validate_configuration(q).angles)
 
     def limits(self, names: Sequence[str]) -> tuple[Floats, Floats, Floats]:
         """Returns lower, upper [rad] and effort [N m] of the joints `names`."""

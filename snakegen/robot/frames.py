@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from snakegen.base.geometry import Floats
 from snakegen.errors import DescriptionError, near
@@ -98,6 +99,21 @@ class ModelFrames:
     def tree(self) -> Tree:
         """The kinematic tree on plain arrays; body 0 is the base."""
         return tree_of(self.model, self.floating)
+
+    @cached_property
+    def angle_places(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Where each joint's angle stands in q, and which are continuous (cos, sin there)."""
+        first = 2 if self.floating else 1
+        joints = [self.model.joints[k] for k in range(first, self.model.njoints)]
+        at = np.array([joint.idx_q for joint in joints], np.int64)
+        return at, np.flatnonzero([joint.nq == 2 for joint in joints])
+
+    def angles_of(self, q: Floats) -> Floats:
+        """Returns the joint angles (n-1,) of the array `q` (nq,) in the tree's order."""
+        at, turning = self.angle_places
+        out = q[at]
+        out[turning] = np.arctan2(q[at[turning] + 1], out[turning])
+        return np.asarray(out)
 
     def body_of_link(self, link: str) -> tuple[int, Floats, Floats]:
         """Returns the body that carries `link`, and the link's rotation and origin in it."""

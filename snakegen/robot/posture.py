@@ -6,13 +6,15 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from snakegen.base import yaml_file
 from snakegen.base.geometry import Floats
 from snakegen.errors import PostureError
 from snakegen.kernels.allocation.gimbals import mounts, point_thrust, thrust_line
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
-from snakegen.robot.robot import Robot
+from snakegen.robot.bodies import RobotBodies
+from snakegen.robot.configuration import Configuration
 
 
 def read_posture(path: Path) -> dict[str, Any]:
@@ -39,7 +41,7 @@ def parse_joints(items: Iterable[str]) -> dict[str, float]:
     return out
 
 
-def hover_gimbals(robot: Robot, q: Floats, up: Floats | None = None) -> Floats:
+def hover_gimbals(robot: RobotBodies, q: ArrayLike, up: Floats | None = None) -> Configuration:
     """Returns q with gimbal angles that point every apparatus' thrust up.
 
     An apparatus whose gimbals cannot reach the vertical gets the nearest direction they can.
@@ -50,11 +52,12 @@ def hover_gimbals(robot: Robot, q: Floats, up: Floats | None = None) -> Floats:
         up: (3,) unit, world; the vertical if absent.
     """
     vertical = np.array([0.0, 0.0, 1.0]) if up is None else np.asarray(up, float)
-    return aim_gimbals(robot, q, np.tile(vertical, (robot.gimbals.link_body.size, 1)))[0]
+    aimed, _ = aim_gimbals(robot, q, np.tile(vertical, (robot.gimbals.link_body.size, 1)))
+    return robot.validate_configuration(aimed)
 
 
 def aim_gimbals(
-    robot: Robot, q: Floats, directions: Floats, *, limited: bool = True
+    robot: RobotBodies, q: ArrayLike, directions: Floats, *, limited: bool = True
 ) -> tuple[Floats, Floats]:
     """Returns q with each apparatus' thrust turned to its direction, and the angles that remain.
 
@@ -70,7 +73,7 @@ def aim_gimbals(
     """
     gimbals, rotors, tree = robot.gimbals, robot.rotors, robot.tree
     count = gimbals.link_body.size
-    out, remaining = np.array(q), np.zeros(count)
+    out, remaining = np.array(q, float), np.zeros(count)
     if count == 0:
         return out, remaining
     base, origin = robot.base_pose(q)
@@ -97,7 +100,7 @@ def aim_gimbals(
     return out, remaining
 
 
-def set_angle(robot: Robot, q: Floats, name: str, angle: float) -> None:
+def set_angle(robot: RobotBodies, q: Floats, name: str, angle: float) -> None:
     """Writes the angle [rad] of joint `name` into q."""
     joint = robot.model.joints[robot.model.getJointId(name)]
     if joint.nq == 2:
@@ -106,11 +109,11 @@ def set_angle(robot: Robot, q: Floats, name: str, angle: float) -> None:
         q[joint.idx_q] = angle
 
 
-def angles_by_name(robot: Robot, q: Floats) -> dict[str, float]:
+def angles_by_name(robot: RobotBodies, q: Floats) -> dict[str, float]:
     """Returns the joint angles [rad] of q by name."""
     return {n: float(a) for n, a in zip(robot.joint_names, robot.angles(q), strict=True)}
 
 
-def neutral(robot: Robot) -> Floats:
+def neutral(robot: RobotBodies) -> Floats:
     """Returns the configuration with every joint at 0."""
     return np.array(pin.neutral(robot.model))

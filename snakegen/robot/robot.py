@@ -4,18 +4,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from snakegen.base.geometry import Floats
-from snakegen.errors import DescriptionError, SnakegenError, near
+from snakegen.errors import DescriptionError, PostureError, SnakegenError, near
 from snakegen.robot.arrays import configuration_of
 from snakegen.robot.bodies import GRAVITY, RobotBodies
+from snakegen.robot.configuration import Configuration
 from snakegen.robot.force_sets import force_sets_at, force_shapes
 from snakegen.robot.frames import root_link_of
 from snakegen.robot.modules import Modules, from_urdf
 from snakegen.robot.modules_file import from_file, with_servos
+from snakegen.robot.posture import hover_gimbals
 from snakegen.wrench_margins.force_sets import ForceSets
 
 __all__ = ["GRAVITY", "Robot", "load"]
@@ -38,13 +40,13 @@ class Robot(RobotBodies):
         """What its apparatuses can push with, in any posture."""
         return force_shapes(self)
 
-    def force_sets(self, q: Floats) -> ForceSets:
+    def force_sets(self, q: ArrayLike) -> ForceSets:
         """Returns what its apparatuses can push with at q: points and axes about the CoG.
 
         Ranges are the gimbal joints' limits; points are those of q's gimbal angles. Gimbals
         whose thrusts are of no known form raise a DescriptionError.
         """
-        return force_sets_at(self, self.check_q(q))
+        return force_sets_at(self, self.validate_configuration(q))
 
     def configuration(
         self,
@@ -52,7 +54,8 @@ class Robot(RobotBodies):
         *,
         base_rpy: Sequence[float] = (0.0, 0.0, 0.0),
         base_position: Sequence[float] = (0.0, 0.0, 0.0),
-    ) -> Floats:
+        gimbals: Literal["given", "hover"] = "given",
+    ) -> Configuration:
         """Returns q of a posture given by joint names; joints not named are at 0.
 
         Args:
@@ -60,11 +63,31 @@ class Robot(RobotBodies):
                 ``base_position`` too, as posture files do.
             base_rpy: rad, attitude of the root link; floating base only.
             base_position: m.
+            gimbals: ``hover`` turns them so that every apparatus' thrust points up, or as near to
+                it as limits allow; ``given`` leaves them at the posture's angles.
 
         Raises:
             PostureError: an unknown name (with the near ones), no number, or out of limits.
         """
-        return configuration_of(self, {} if posture is None else posture, base_rpy, base_position)
+        given = {} if posture is None else posture
+        q = configuration_of(self, given, base_rpy, base_position)
+        if gimbals == "given":
+            return q
+        if gimbals != "hover":
+            raise PostureError(f"gimbals is {gimbals!r}; it must be 'given' or 'hover'.")
+        return hover_gimbals(self, q)
+
+    def __repr__(self) -> str:
+        """Returns its name and how many of each part it has."""
+        joints, modules = len(self.joint_names), self.modules
+        parts = [
+            f"{joints} joint{'s' * (joints != 1)}",
+            f"{len(modules.apparatuses)} apparatuses" if modules.apparatuses else "",
+            f"{len(modules.screws)} screw units" if modules.screws else "",
+            "floating base" if self.floating else "fixed base",
+            f"{self.mass:.3g} kg",
+        ]
+        return f"Robot({self.name}: {', '.join(p for p in parts if p)})"
 
 
 def load(source: Any, *, modules: str | Path | None = None) -> Robot:

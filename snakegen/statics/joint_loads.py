@@ -51,7 +51,7 @@ def joint_loads(robot: Robot, q: ArrayLike, link: str | None = None) -> JointLoa
         PostureError: q has the wrong size or holds NaN.
         DescriptionError: no such link.
     """
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     known = {s.joint for s in robot.modules.servos}
     names = tuple(n for n in robot.chain_joints if n in known or not known)
     bodies = [robot.body_of_joint(n) for n in names]

@@ -39,7 +39,7 @@ def twist_matrix(robot: Robot, q: ArrayLike) -> Floats:
     Raises:
         PostureError: q has the wrong size or holds NaN.
     """
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     return np.asarray(twist_columns(robot.tree, robot.base_pose(q)[0], robot.angles(q)))
 
 
@@ -96,7 +96,7 @@ def torque_terms(
 
     `body_wrenches` (bodies, 6), world axes at body origins, is added to the other wrenches.
     """
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     first = 0 if robot.floating else 6
     n = len(robot.joint_names)
     v6, a6 = np.zeros(6 + n), np.zeros(6 + n)

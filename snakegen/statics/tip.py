@@ -153,7 +153,7 @@ def _last_link(robot: Robot) -> str:
 
 def tip_pose(robot: Robot, q: ArrayLike, tip: Tip) -> TipPose:
     """Returns place, attitude and Jacobian of `tip` in posture q (nq,)."""
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     base = robot.base_pose(q)[0]
     return TipPose(*tip_jacobian(robot.tree, base, robot.angles(q), tip.body, tip.point))
 

@@ -150,7 +150,7 @@ def worst_posture(
         AnalysisError: limits that are not finite, no chain joint or none with a declared effort, no
             posture that can hover.
     """
-    q = robot.check_q(q)
+    q = robot.validate_configuration(q)
     names = robot.chain_joints
     if not names:
         raise AnalysisError(f"{robot.name} has no joint that shapes it: every posture is the same.")
