@@ -15,6 +15,7 @@ __all__ = [
     "RobotSpec",
     "SnakegenError",
     "build",
+    "compare",
     "convert",
     "lint",
     "load",
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from snakegen.errors import SnakegenError
     from snakegen.linter.lint import lint
     from snakegen.pipeline.build import build
+    from snakegen.pipeline.compare import compare
     from snakegen.pipeline.convert import convert
     from snakegen.robot.configuration import Configuration
     from snakegen.robot.robot import Robot, load
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "build": "snakegen.pipeline.build",
+    "compare": "snakegen.pipeline.compare",
     "convert": "snakegen.pipeline.convert",
     "lint": "snakegen.linter.lint",
     "margins": "snakegen.analysis.posture_margins",

@@ -27,6 +27,7 @@ _COMMANDS = {
     "analyze": ("snakegen.cli.analyze", "Tell what a robot can do; fly, drive or move it."),
     "lint": ("snakegen.cli.lint", "List what is wrong or doubtful in a URDF or MJCF file."),
     "convert": ("snakegen.cli.convert", "Convert a URDF into MJCF, proven to be the same robot."),
+    "compare": ("snakegen.cli.compare", "Tell whether two files describe the same robot."),
     "inspect": ("snakegen.cli.inspect", "Read metrics and verdict back from a log."),
     "schema": ("snakegen.cli.presets", "Print the JSON Schema of a spec file."),
 }

@@ -67,12 +67,12 @@ def _composite(name: str, links: dict[str, Node], welded: dict[str, list[Node]])
         if link in seen or link not in links:
             continue
         seen.add(link)
-        body = _body(links[link])
+        body = rigid_body(links[link])
         if body is not None:
             mass, com, tensor = body
             parts.append((mass, position + rotation @ com, rotation @ tensor @ rotation.T))
         for joint in welded.get(link, []):
-            turn, shift = _placement(joint.find("origin"))
+            turn, shift = placement(joint.find("origin"))
             there = end_of(joint, "child") or ""
             waiting.append((there, rotation @ turn, position + rotation @ shift))
     total = sum(mass for mass, _, _ in parts)
@@ -89,14 +89,14 @@ def _composite(name: str, links: dict[str, Node], welded: dict[str, list[Node]])
 
 def inertial_of(link: Node) -> tuple[float, tuple[float, float, float]] | None:
     """Returns mass and principal moments of a link's <inertial>; None where there is none."""
-    body = _body(link)
+    body = rigid_body(link)
     if body is None:
         return None
     low, mid, high = np.linalg.eigvalsh(body[2])
     return body[0], (float(low), float(mid), float(high))
 
 
-def _body(link: Node) -> tuple[float, Floats, Floats] | None:
+def rigid_body(link: Node) -> tuple[float, Floats, Floats] | None:
     inertial = link.find("inertial")
     if inertial is None:
         return None
@@ -105,12 +105,12 @@ def _body(link: Node) -> tuple[float, Floats, Floats] | None:
     if mass is None or any(entry is None for entry in entries):
         return None
     xx, xy, xz, yy, yz, zz = (float(entry or 0.0) for entry in entries)
-    turn, com = _placement(inertial.find("origin"))
+    turn, com = placement(inertial.find("origin"))
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return mass, com, turn @ tensor @ turn.T
 
 
-def _placement(origin: Node | None) -> tuple[Floats, Floats]:
+def placement(origin: Node | None) -> tuple[Floats, Floats]:
     """Returns rotation and translation of an <origin>; rpy turns about fixed x, y, z in turn."""
     roll, pitch, yaw = numbers(origin, "rpy", 3) or (0.0, 0.0, 0.0)
     (sr, cr), (sp, cp), (sy, cy) = ((math.sin(a), math.cos(a)) for a in (roll, pitch, yaw))
