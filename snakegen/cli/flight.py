@@ -7,17 +7,21 @@ from typing import Any, get_args, get_type_hints
 import click
 
 from snakegen.cli import HELP
+from snakegen.cli.meshes import meshes_of
 from snakegen.cli.options import (
     Source,
     at_least,
     check_ending,
     json_option,
+    note,
     print_json,
     print_rows,
     robot_options,
     rollers_option,
+    typed_command,
 )
 from snakegen.cli.outcome import progress_bar, result_json, result_lines
+from snakegen.errors import SnakegenError
 
 
 @click.command(context_settings=HELP)
@@ -51,6 +55,10 @@ from snakegen.cli.outcome import progress_bar, result_json, result_lines
 @json_option
 @click.option("--open", "show", is_flag=True, help="Open the log in the viewer (127.0.0.1).")
 @click.option(
+    "--report", "page", metavar="FILE.html", type=click.Path(),
+    help="Also write one file that plays the flight, with verdict and curves.",
+)  # fmt: skip
+@click.option(
     "--trials", type=int, metavar="N", callback=at_least(1),
     help="Fly N times over uncertain mass, inertia, thrust, lag, delay, noise; log the worst.",
 )  # fmt: skip
@@ -70,6 +78,7 @@ def flight(
     rollers: str | None,
     as_json: bool,
     show: bool,
+    page: str | None,
     trials: int | None,
     workers: int | None,
 ) -> int:
@@ -93,6 +102,11 @@ def flight(
     from snakegen.simulation.flight.run import run
 
     check_ending("-o", out, ".rrd")
+    check_ending("--report", page, ".html", ".htm")
+    if page is not None and trials is not None:
+        raise SnakegenError(
+            "--report shows one flight; with --trials: snakegen inspect LOG --html."
+        )
     source = source.rolling_on(rollers)
     machine = source.machine()
     if mission == "help":
@@ -107,9 +121,7 @@ def flight(
     refuse_too_long(machine, chosen.get("duration") or 0.0, at_once)
     # a mission file's own folder and ending are no part of the log's name
     path = Path(out) if out else Path("generated") / machine.name / f"{Path(mission).stem}.rrd"
-    meshes = mesh_folder(machine, path)
-    if machine.path is None and machine.modules.screws:
-        meshes = drum_folder(source.spec())
+    meshes = meshes_of(source, machine, path)
     bar = progress_bar(f"{machine.name} {mission}")
     how: dict[str, Any] = {"gains": gains, "allocator": allocator, "ideal": ideal}
     how |= {"options": chosen, "seed": seed}
@@ -129,6 +141,11 @@ def flight(
             write(recording, path, mesh_folder=meshes)
         finally:
             journal.remove()
+    if page is not None:
+        from snakegen.web.page import write_flight_page
+
+        write_flight_page(recording, Path(page), machine, meshes, typed_command())
+        note(f"report: {page}")
     judged = recording.verdict
     passed = judged is not None and judged.passed
     if as_json:
@@ -225,31 +242,3 @@ def mission_options(
     if "posture" in given:
         given["posture"] = read_posture(Path(str(given["posture"])))
     return given
-
-
-def mesh_folder(robot: Any, log: Path) -> Path:
-    """Returns the folder from which the URDF's mesh paths start; makes the meshes if need be."""
-    if robot.path is not None:
-        return Path(robot.path).parent
-    for folder in (log.parent, Path("generated") / robot.name):
-        if (folder / "meshes").is_dir():
-            return folder
-    from tempfile import TemporaryDirectory
-
-    from snakegen.description.meshes.parts import unit_meshes, write_meshes
-
-    made = Path(click.get_current_context().with_resource(TemporaryDirectory()))
-    write_meshes(made / "meshes", unit_meshes())
-    return made
-
-
-def drum_folder(spec: Any) -> Path:
-    """Makes the meshes of a spec with drums: those of an earlier build may have another helix."""
-    from tempfile import TemporaryDirectory
-
-    from snakegen.description.meshes.parts import unit_meshes, write_meshes
-    from snakegen.description.meshes.screw_units import drum_meshes
-
-    made = Path(click.get_current_context().with_resource(TemporaryDirectory()))
-    write_meshes(made / "meshes", unit_meshes() | drum_meshes(spec.resolved()))
-    return made

@@ -1,11 +1,12 @@
 """`snakegen inspect`: metrics and verdict, read back from a log alone."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from snakegen.cli import HELP
-from snakegen.cli.options import json_option, note, print_json
+from snakegen.cli.options import json_option, note, print_json, typed_command
 from snakegen.cli.outcome import result_json, result_lines
 from snakegen.errors import LogError
 
@@ -16,9 +17,19 @@ from snakegen.errors import LogError
 @json_option
 @click.option("--png", metavar="FILE.png", type=click.Path(), help="Also save the log's picture.")
 @click.option("--time", type=float, help="Instant of the picture, s; the middle by default.")
+@click.option(
+    "--html", metavar="FILE.html", type=click.Path(),
+    help="Also write one file that plays the log, with verdict and curves.",
+)  # fmt: skip
 @click.option("--open", "show", is_flag=True, help="Open the log in the viewer (127.0.0.1).")
 def inspect(
-    file: str, other: str | None, as_json: bool, png: str | None, time: float | None, show: bool
+    file: str,
+    other: str | None,
+    as_json: bool,
+    png: str | None,
+    time: float | None,
+    html: str | None,
+    show: bool,
 ) -> int:
     """Read metrics and verdict back from FILE.rrd, worked out again from its samples.
 
@@ -28,15 +39,18 @@ def inspect(
     Example:
       snakegen inspect flight.rrd
       snakegen inspect flight.rrd --png flight.png
+      snakegen inspect flight.rrd --html flight.html
       snakegen inspect before.rrd after.rrd
     """
     from snakegen import log
+    from snakegen.cli.options import check_ending
 
+    check_ending("--html", html, ".html", ".htm")
     if time is not None and png is None:
         raise LogError("--time is the instant of a picture; it goes with --png FILE.png.")
     if other is not None:
-        if png is not None or show:
-            raise LogError("--png and --open show one log; leave the other out.")
+        if png is not None or html is not None or show:
+            raise LogError("--png, --html and --open show one log; leave the other out.")
         return _compare(file, other, as_json)
     if log.journal_of(file).is_file():
         note(_of_journal(Path(file), log.journal_of(file)))
@@ -47,6 +61,8 @@ def inspect(
     if png is not None:
         drawn_by = log.snapshot(file, png, time=time)
         note(f"{png} (drawn by {'rerun' if drawn_by == 'viewer' else drawn_by})")
+    if html is not None:
+        _write_page(recording, Path(html))
     if as_json:
         print_json(result_json(recording, Path(file)) | {"differing": list(found.differing)})
     else:
@@ -60,6 +76,20 @@ def inspect(
         log.view(file)
     passed = found.verdict is None or (found.verdict.passed and not found.differing)
     return 0 if passed else 3
+
+
+def _write_page(recording: Any, path: Path) -> None:
+    """Writes the page of a log; its meshes are those of a build, or none."""
+    from snakegen.cli.meshes import mesh_folder
+    from snakegen.robot.robot import from_urdf_text
+    from snakegen.web.page import write_flight_page
+
+    urdf = recording.meta.get("urdf")
+    if not urdf:
+        raise LogError("the log holds no URDF, which --html would draw.")
+    robot = from_urdf_text(urdf, None, checked=True)
+    write_flight_page(recording, path, robot, mesh_folder(robot, path), typed_command())
+    note(f"page: {path}")
 
 
 def _of_journal(file: Path, journal: Path) -> str:

@@ -1,6 +1,7 @@
 """Options that several commands share, and reading a robot and a posture from them."""
 
 import json
+import shlex
 import shutil
 import sys
 from collections.abc import Callable
@@ -216,6 +217,11 @@ def page_width() -> int:
     if not sys.stdout.isatty():
         return 100
     return min(max(shutil.get_terminal_size((100, 40)).columns, 80), 140)
+
+
+def typed_command() -> str:
+    """Returns the command line as it was typed, as a shell reads it."""
+    return shlex.join(["snakegen", *sys.argv[1:]])
 
 
 def note(message: str) -> None:

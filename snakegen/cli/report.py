@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from snakegen.cli import HELP
+from snakegen.cli.meshes import meshes_of
 from snakegen.cli.options import (
     Source,
     Stance,
@@ -15,6 +16,7 @@ from snakegen.cli.options import (
     posture_options,
     print_json,
     robot_options,
+    typed_command,
 )
 
 
@@ -22,7 +24,11 @@ from snakegen.cli.options import (
 @posture_options
 @json_option
 @click.option(
-    "--report", "file", metavar="FILE.md", type=click.Path(), help="Also write a page with plots."
+    "--report",
+    "file",
+    metavar="FILE.html|.md",
+    type=click.Path(),
+    help="Also write a page: .html is one file with the robot in 3-D; .md has plots beside it.",
 )
 @robot_options
 def report(source: Source, stance: Stance, as_json: bool, file: str | None) -> None:
@@ -30,17 +36,22 @@ def report(source: Source, stance: Stance, as_json: bool, file: str | None) -> N
 
     \b
     Example:
-      snakegen analyze dragon4 --joint joint1_yaw=0.8 --report report.md
+      snakegen analyze dragon4 --joint joint1_yaw=0.8 --report page.html
       snakegen analyze report body.urdf --modules modules.yaml --json
     """
     from snakegen.report.collection import collect
-    from snakegen.report.page import MARKDOWN, text_page, to_json, write_markdown
+    from snakegen.report.page import HTML, MARKDOWN, text_page, to_json, write_markdown
 
-    check_ending("--report", file, *MARKDOWN)
+    check_ending("--report", file, *HTML, *MARKDOWN)
     machine = source.machine()
     page = collect(*stance.of(machine))
-    if file:
+    if file and file.endswith(HTML):
+        from snakegen.web.page import write_robot_page
+
+        write_robot_page(page, Path(file), meshes_of(source, machine, Path(file)), typed_command())
+    elif file:
         write_markdown(page, Path(file))
+    if file:
         note(f"report: {file}")
     if as_json:
         print_json(to_json(page))

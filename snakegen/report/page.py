@@ -22,6 +22,7 @@ from snakegen.robot.posture import angles_by_name
 from snakegen.robot.robot import Robot
 
 MARKDOWN = (".md", ".markdown")
+HTML = (".html", ".htm")
 _SHOWN = 8  # rows of an analysis on the one-screen page
 
 
