@@ -39,19 +39,8 @@ $(VENV)/bench.stamp: $(VENV)/dev.stamp
 	@$(BIN)/pip install -qq --disable-pip-version-check -e '.[bench]'
 	@touch $@
 
-# The flight runs beside the analysis: each compiles its own kernels on the first run.
 demo: $(VENV)/runtime.stamp ## build dragon4, analyse it, fly it; ends with the verdict
-	@mkdir -p $(OUT); rm -f $(OUT)/flight.code
-	$(BIN)/snakegen build dragon4 -o $(OUT)
-	@echo "analysing and flying it; the first run compiles the kernels, which takes a minute or two" >&2
-	@{ code=0; $(FLY) > $(OUT)/flight.txt 2>&1 || code=$$?; echo $$code > $(OUT)/flight.code; } & \
-		$(ANALYSE) || { code=$$?; wait; exit $$code; }; \
-		wait; echo; cat $(OUT)/flight.txt | sed '$$d'; \
-		printf 'report:  %s\npicture: %s\nlog:     %s\n' $(OUT)/report.md $(OUT)/dragon4.png $(OUT)/transform.rrd; \
-		tail -n 1 $(OUT)/flight.txt; exit $$(cat $(OUT)/flight.code)
-
-ANALYSE = $(BIN)/snakegen analyze $(OUT)/dragon4.urdf --posture templates/presets/postures/dragon4.yaml --report $(OUT)/report.md
-FLY     = $(BIN)/snakegen analyze flight $(OUT)/dragon4.urdf --mission transform -o $(OUT)/transform.rrd
+	$(BIN)/snakegen demo -o $(OUT)
 
 # The kernels that most tests share are compiled first, each once, not by both workers at a time.
 test: $(VENV)/dev.stamp ## run the tests

@@ -124,7 +124,8 @@ def test_a_browser_shows_the_body_or_the_picture(
     page: Path, options: tuple[str, ...], ready: bool
 ) -> None:
     command = [
-        str(BROWSER), "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--use-angle=swiftshader",
+        str(BROWSER), "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr",
+        "--use-angle=swiftshader",
         "--enable-unsafe-swiftshader", *options, "--virtual-time-budget=6000", "--dump-dom",
         page.resolve().as_uri(),
     ]  # fmt: skip

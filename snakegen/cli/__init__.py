@@ -22,6 +22,7 @@ from snakegen.errors import SnakegenError
 _STDOUT = "stdout"
 _INTERRUPTED = "interrupted; files are as they were."
 _COMMANDS = {
+    "demo": ("snakegen.cli.demo", "Build, analyse and fly dragon4: the whole in one go."),
     "presets": ("snakegen.cli.presets", "List the presets, one line each."),
     "build": ("snakegen.cli.build", "Make URDF, MJCF and picture of a robot, proven to agree."),
     "analyze": ("snakegen.cli.analyze", "Tell what a robot can do; fly, drive or move it."),
@@ -29,6 +30,8 @@ _COMMANDS = {
     "convert": ("snakegen.cli.convert", "Convert a URDF into MJCF, proven to be the same robot."),
     "compare": ("snakegen.cli.compare", "Tell whether two files describe the same robot."),
     "inspect": ("snakegen.cli.inspect", "Read metrics and verdict back from a log."),
+    "doctor": ("snakegen.cli.doctor", "Check packages, rendering, viewer, cache and extras."),
+    "completion": ("snakegen.cli.completion", "Print the completion script of a shell."),
     "schema": ("snakegen.cli.presets", "Print the JSON Schema of a spec file."),
 }
 # of every command: click keeps a command's help option as it was first called, on its own or not

@@ -134,7 +134,17 @@ def _gathered(name: str, kind: Any, *decorators: Decorator) -> Decorator:
     return apply
 
 
-_robot = click.argument("robot", metavar="ROBOT")
+def _complete_robot(_: click.Context, __: click.Parameter, begun: str) -> list[Any]:
+    """Completes presets by name, and files."""
+    from click.shell_completion import CompletionItem
+
+    from snakegen.spec.loading import presets
+
+    named = [CompletionItem(name) for name in presets() if name.startswith(begun)]
+    return [*named, CompletionItem(begun, type="file")]
+
+
+_robot = click.argument("robot", metavar="ROBOT", shell_complete=_complete_robot)
 
 _overrides = chain(
     click.option("--links", type=int, help="Replace the number of links."),
