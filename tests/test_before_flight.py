@@ -15,8 +15,7 @@ from snakegen.kernels.control.types import DUAL, VIRTUAL
 from snakegen.simulation.flight.postures import place, resting_joints
 from snakegen.simulation.flight.preflight import check_start
 from snakegen.simulation.flight.run import prepare
-from snakegen.simulation.missions import mission
-from snakegen.simulation.missions.flight import hover
+from snakegen.simulation.missions import planned
 from snakegen.spec.loading import load_spec
 
 
@@ -61,7 +60,7 @@ def test_two_apparatuses_do_not_start_in_virtual_mode(name, overrides, links):
         prepare(robot, "hover")
     dual = changed(name, "control.mode=dual_rotor", links=links)
     assert prepare(dual, "hover").controller.mode == DUAL
-    plan = hover.plan(robot, 200.0)
+    plan = planned("hover", robot)
     check_start(robot, flight_controller(robot), plan, force=True)
 
 
@@ -75,8 +74,8 @@ def test_one_apparatus_is_told_to_get_more():
 def test_two_apparatuses_are_not_switched_to_virtual_mode():
     robot = load("dragon3")
     with pytest.raises(SnakegenError, match=r"virtual-single-rotor mode refused.*Q_force"):
-        mission("switch", robot).plan(robot, 200.0)
-    assert mission("switch", robot).plan(robot, 200.0, force=True).mode is not None
+        planned("switch", robot)
+    assert planned("switch", robot, force=True).mode is not None
 
 
 STRAIGHT = {"joint1_yaw": 0.0, "joint2_yaw": 0.0, "joint3_yaw": 0.0}

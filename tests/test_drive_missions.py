@@ -29,6 +29,7 @@ from snakegen.simulation.missions.drive.lcrank import first_state
 from snakegen.simulation.missions.drive.pipe import fitted
 from snakegen.simulation.obstacles import pipe
 from snakegen.simulation.recording.join import join
+from snakegen.simulation.run_settings import RunSettings
 from snakegen.spec.loading import load_spec
 
 
@@ -141,18 +142,18 @@ def test_paths_of_ones_own(quick):
 
 
 def test_same_seed_same_run_other_seed_other_noise(quick):
-    one, two, other = (drive(quick, "x", short(quick), seed=s) for s in (3, 3, 4))
+    one, two, other = (drive(quick, "x", short(quick), settings=RunSettings(s)) for s in (3, 3, 4))
     assert np.array_equal(one.channel("state_error").values, two.channel("state_error").values)
     assert not np.array_equal(one.channel("position").values, other.channel("position").values)
-    calm = drive(quick, "x", short(quick), seed=3, ideal=True)
+    calm = drive(quick, "x", short(quick), settings=RunSettings(3, ideal=True))
     assert calm.metrics["distance_rmse_m"] < one.metrics["distance_rmse_m"]
 
 
 def test_a_box_in_the_way_stops_it(quick):
     """The ground of a mission is real: the same drive against a block does not get there."""
     block = Box("block", (0.25, 0.0, 0.2), (0.05, 0.5, 0.2))
-    free = run_contact(quick, short(quick), ideal=True)
-    stopped = run_contact(quick, short(quick, obstacles=(block,)), ideal=True)
+    free = run_contact(quick, short(quick), RunSettings(ideal=True))
+    stopped = run_contact(quick, short(quick, obstacles=(block,)), RunSettings(ideal=True))
     assert free.rows["state"][-1, 0] > 0.35 > 0.3 > stopped.rows["state"][-1, 0]
 
 
@@ -302,7 +303,7 @@ def test_friction_is_what_drives(screw4):
     model = contact_model(screw4)
     assert (model.geom_friction[model.geom_priority == 1, 0] == 0.8).all()
     ice = load(load_spec("screw4", overrides=["screw_drive.friction=0.002"]))
-    found = run_contact(ice, short(ice), ideal=True)
+    found = run_contact(ice, short(ice), RunSettings(ideal=True))
     assert found.rows["state"][-1, 0] < 0.2
 
 

@@ -8,7 +8,7 @@ import pytest
 import snakegen
 from snakegen.errors import MissionError
 from snakegen.simulation.flight.run import prepare, run
-from snakegen.simulation.missions.flight.gust import metrics, plan
+from snakegen.simulation.missions.flight.gust import Options, metrics, plan
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def test_a_gust_against_the_other_way_carries_the_other_way(dragon4):
 
 
 def test_a_push_may_stand_for_the_gust(dragon4):
-    pushed = plan(dragon4, 200.0, force=8.0, direction="z")
+    pushed = plan(dragon4, 200.0, Options(force=8.0, direction="z"))
     assert pushed.wind is None and pushed.disturbance[:, 2].max() == pytest.approx(8.0, rel=1e-3)
     assert not pushed.disturbance[:, [0, 1, 3, 4, 5]].any()
 
@@ -69,6 +69,6 @@ def test_wind_without_air_and_senseless_gusts_are_refused(dragon4):
         prepare(dragon4, "gust", ideal=True)
     prepare(dragon4, "gust", ideal=True, options={"force": 8.0})
     with pytest.raises(MissionError, match="more than 3 is needed"):
-        plan(dragon4, 200.0, duration=2.5)
+        plan(dragon4, 200.0, Options(duration=2.5))
     with pytest.raises(MissionError, match="0 or more"):
-        plan(dragon4, 200.0, turbulence=-1.0)
+        plan(dragon4, 200.0, Options(turbulence=-1.0))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from snakegen import load
+from snakegen.base.geometry import rotation_from_xyzw, rpy_from_rotation
 from snakegen.errors import MissionError, SnakegenError
 from snakegen.simulation.flight.postures import (
     bent,
@@ -14,8 +15,9 @@ from snakegen.simulation.flight.postures import (
     slim,
 )
 from snakegen.simulation.flight.run import prepare, run
-from snakegen.simulation.missions import mission, missions
+from snakegen.simulation.missions import mission, missions, module_of, planned
 from snakegen.simulation.missions.flight import fail, step
+from snakegen.simulation.missions.options import options_of
 from snakegen.spec.loading import load_spec
 
 FLIGHTS = ("hover", "step", "transform", "ascend", "squeeze", "fail", "switch", "gust")
@@ -37,7 +39,7 @@ def test_plans_are_smooth_and_within_limits(request, preset, name):
     robot = request.getfixturevalue(preset)
     # two apparatuses have no virtual-single-rotor mode to change to, but by force
     options = {"force": True} if (preset, name) == ("dragon3", "switch") else {}
-    plan = mission(name, robot).plan(robot, 200.0, **options)
+    plan = planned(name, robot, **options)
     low, high, _ = robot.limits(driven_joints(robot))
     assert np.all(plan.joints >= low - 1e-9) and np.all(plan.joints <= high + 1e-9)
     assert np.all(np.diff(plan.time) > 0) and len(plan.position) == len(plan.time)
@@ -64,9 +66,9 @@ def test_steps_of_both_presets_settle(dragon3, dragon4):
         recording = run(robot, "step", seed=2)
         assert recording.verdict.passed, recording.verdict.summary()
         assert recording.metrics["overshoot"] < 0.4
-    assert step.plan(dragon3, 200.0).facts["hold_s"] == 6.0
-    assert step.plan(dragon4, 200.0).facts["hold_s"] == 7.5  # z settles in 5.7 s by its poles
-    assert step.plan(dragon4, 200.0, hold=2.0).facts["hold_s"] == 2.0
+    assert planned("step", dragon3).facts["hold_s"] == 6.0
+    assert planned("step", dragon4).facts["hold_s"] == 7.5  # z settles in 5.7 s by its poles
+    assert planned("step", dragon4, hold=2.0).facts["hold_s"] == 2.0
 
 
 def test_no_long_body_touches_itself():
@@ -85,7 +87,7 @@ def test_no_long_body_touches_itself():
 
 
 def test_the_slim_body_is_narrower_than_the_opening_and_the_resting_body_wider(dragon4):
-    plan = mission("squeeze", dragon4).plan(dragon4, 200.0)
+    plan = planned("squeeze", dragon4)
     opening = plan.facts["opening_m"]
     assert np.ptp(extent(dragon4, slim(dragon4))[:, 1]) < opening < plan.facts["span_m"]
     left, right, lintel = plan.obstacles
@@ -120,7 +122,7 @@ def test_switching_is_refused_where_rank_forbids_it():
     straight = {"joint1_yaw": 0.0, "joint2_yaw": 0.0, "joint3_yaw": 0.0}
     robot = load(load_spec("dragon4", overrides=["control.mode=dual_rotor"]))
     with pytest.raises(SnakegenError, match="refused"):
-        mission("switch", robot).plan(robot, 200.0, posture=straight)
+        planned("switch", robot, posture=straight)
 
 
 @pytest.mark.parametrize(
@@ -192,10 +194,10 @@ def test_mission_files_are_refused_in_one_line(dragon4, tmp_path, body, text):
 
 def test_a_switch_may_stay_and_a_loss_says_level(dragon4):
     """Beyond the end there is no change back; below a margin of 0 a tilted body may yet hover."""
-    stays = mission("switch", dragon4).plan(dragon4, 200.0, stay=100.0)
+    stays = planned("switch", dragon4, stay=100.0)
     assert stays.facts["switches_s"] == [3.0] and len(stays.events) == 1
     for lost, word in (("apparatus2", "cannot hover level"), ("rotor2_1", "hover level")):
-        plan = mission("fail", dragon4).plan(dragon4, 200.0, lost=lost)
+        plan = planned("fail", dragon4, lost=lost)
         assert plan.events[-1][1].endswith(word)
         assert (plan.facts["predicted_wrench_margin"] < 0) == ("cannot" in plan.events[-1][1])
 
@@ -210,6 +212,65 @@ def test_a_mission_file_is_flown(dragon4, tmp_path):
     assert recording.verdict.passed, recording.verdict.summary()
     assert recording.meta["mission"] == "path"
     assert abs(recording.channel("position").values[-1, 0] - 0.2) < 0.05
+
+
+def test_a_flight_holds_the_attitude_that_it_starts_in(dragon4, tmp_path):
+    """Hover keeps base_rpy; a path whose first waypoint is turned goes on from there, once."""
+    tilted = {"joint1_yaw": 0.9, "joint2_yaw": 0.9, "base_rpy": [0.1, -0.1, 0.4]}
+    held = run(dragon4, "hover", ideal=True, options={"duration": 1.0, "posture": tilted})
+    asked = rpy_from_rotation(rotation_from_xyzw(held.channel("attitude_target").values[-1]))
+    np.testing.assert_allclose(asked, tilted["base_rpy"], atol=1e-9)
+    assert held.verdict.passed, held.verdict.summary()
+    file = tmp_path / "turned.yaml"
+    file.write_text(
+        "waypoints:\n  - {time: 0, rpy: [0, 0, 0.4]}\n  - {time: 2, rpy: [0, 0, 0.6]}\n",
+        encoding="utf-8",
+    )
+    flown = run(dragon4, str(file), ideal=True, options={"duration": 3.0})
+    turned = [
+        rpy_from_rotation(rotation_from_xyzw(flown.channel("attitude_target").values[k]))[2]
+        for k in (0, -1)
+    ]
+    np.testing.assert_allclose(turned, [0.4, 0.6], atol=1e-9)
+    assert flown.verdict.passed, flown.verdict.summary()
+
+
+@pytest.mark.parametrize(
+    ("robot", "mission", "posture", "says"),
+    [
+        ("dragon4", "push", {"base_rpy": [0, 0, 0.1]}, "starts level"),
+        ("dragon3", "hover", {"base_rpy": [0.1, 0, 0]}, "holds no tilt"),
+        ("dragon4", "hover", {"gimbal1_roll": 0.1}, "set by the mission"),
+        ("dragon4", "hover", {"joint1_yw": 0.1}, "Did you mean"),
+        ("screw4", "slope", {"base_rpy": [0.1, 0, 0]}, "the ground decides"),
+    ],
+)
+def test_postures_that_a_mission_does_not_hold_are_refused(robot, mission, posture, says):
+    with pytest.raises(SnakegenError, match=says):
+        run(load(robot), mission, options={"posture": posture})
+
+
+def test_options_are_checked_by_name_and_type(dragon4):
+    for options, says in (
+        ({"heigth": 2.0}, "Did you mean 'height'"),
+        ({"height": "high"}, "not a number"),
+        ({"height": True}, "not a number"),
+        ({"height": float("nan")}, "not a number"),
+        ({"posture": "a file"}, "not a mapping"),
+    ):
+        with pytest.raises(MissionError, match=says):
+            planned("hover", dragon4, **options)
+    with pytest.raises(MissionError, match="true or false"):
+        planned("ring", dragon4, moving=1)
+    with pytest.raises(MissionError, match="allocator"):
+        planned("push", dragon4, allocator="paper")
+
+
+def test_every_option_has_a_meaning():
+    for name in missions():
+        for key, option in options_of(module_of(name).Options).items():
+            assert option.meaning, f"{name}.{key}"
+            assert option.kinds, f"{name}.{key}"
 
 
 def test_every_mission_says_what_it_shows():

@@ -84,7 +84,7 @@ def test_missions_of_the_presets_are_within_limits():
                 continue
             if hasattr(module, "plan") and one not in ("path", "push"):
                 try:
-                    plan = module.plan(robot, 200.0)
+                    plan = module.plan(robot, 200.0, module.Options())
                 except snakegen.errors.SnakegenError:
                     continue
                 from snakegen.control.controller import flight_controller

@@ -17,7 +17,7 @@ from snakegen.robot.robot import load
 from snakegen.simulation.flight.plant import bounded_normal
 from snakegen.simulation.flight.run import prepare, run
 from snakegen.simulation.flight.trim import found, integral_rates, trimmed
-from snakegen.simulation.missions import mission
+from snakegen.simulation.missions import planned
 from snakegen.spec.loading import load_spec
 
 QUIET = ("thrust_mismatch", "position_noise", "attitude_noise", "gyro_noise", "velocity_noise")
@@ -133,7 +133,7 @@ def test_an_integral_runs_faster_by_its_rate_up_to_the_clamp():
 
 def test_the_mission_itself_is_untouched():
     robot = load("dragon4")
-    plan = mission("gust", robot).plan(robot, 200.0)
+    plan = planned("gust", robot)
     longer = trimmed(plan, 3.0)
     assert longer.trim == 600 and len(longer.time) == len(plan.time) + 600
     np.testing.assert_allclose(np.diff(longer.time), 0.005, atol=1e-12)
@@ -209,6 +209,6 @@ def test_the_page_names_the_missions_that_are_trimmed():
     named = {n for n in ("transform`" + said).split("`") if n.isidentifier()}
     trimmed_ones = set()
     for name in missions():
-        if module_of(name).OPTIONS.get("trim", [0.0])[0]:
+        if getattr(module_of(name).Options, "trim", 0.0) != 0.0:
             trimmed_ones.add(name)
     assert named == trimmed_ones - {"path"}, "mission files are `path`"

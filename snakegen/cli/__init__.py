@@ -24,6 +24,10 @@ _INTERRUPTED = "interrupted; files are as they were."
 _COMMANDS = {
     "demo": ("snakegen.cli.demo", "Build, analyse and fly dragon4: the whole in one go."),
     "presets": ("snakegen.cli.presets", "List the presets, one line each."),
+    "missions": (
+        "snakegen.cli.missions",
+        "List the missions, those of a robot, or options of one.",
+    ),
     "build": ("snakegen.cli.build", "Make URDF, MJCF and picture of a robot, proven to agree."),
     "analyze": ("snakegen.cli.analyze", "Tell what a robot can do; fly, drive or move it."),
     "lint": ("snakegen.cli.lint", "List what is wrong or doubtful in a URDF or MJCF file."),

@@ -64,7 +64,8 @@ def _command(entry: Entry) -> click.Command:
     """Returns the click command of an analysis, with its own options."""
 
     def run(source: Source, stance: Stance, as_json: bool, **options: Any) -> None:
-        from snakegen.report.page import refuse
+        from snakegen.report.page import posture_json, refuse
+        from snakegen.robot.posture import posture_line
 
         machine = source.machine()
         analysis = entry.load()
@@ -73,9 +74,12 @@ def _command(entry: Entry) -> click.Command:
         machine, q = stance.of(machine)
         result = analysis.analyze(machine, q, **options)
         if as_json:
-            print_json({"robot": machine.name, "analysis": entry.command} | result.to_json())
+            head = {"robot": machine.name, "analysis": entry.command}
+            head |= {"posture_rad": posture_json(machine, q)}
+            print_json(head | result.to_json())
         else:
-            print_rows(f"{machine.name}: {entry.command}", result.rows())
+            title = f"{machine.name}: {entry.command}; {posture_line(machine, q)}"
+            print_rows(title, result.rows())
 
     # the analysis' own options stand first in its help
     decorated: Any = posture_options(robot_options(json_option(run)))

@@ -2,22 +2,24 @@
 
 import os
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any
 
 import click
 
 from snakegen.cli import HELP
 from snakegen.cli.meshes import meshes_of
+from snakegen.cli.missions import given_options, list_missions, list_options
 from snakegen.cli.options import (
     Source,
+    Stance,
     at_least,
     check_ending,
     json_option,
     note,
     print_json,
-    print_rows,
     robot_options,
     rollers_option,
+    start_options,
     typed_command,
 )
 from snakegen.cli.outcome import progress_bar, result_json, result_lines
@@ -29,7 +31,7 @@ from snakegen.errors import SnakegenError
     "--mission",
     default="hover",
     show_default=True,
-    help="What to fly, or a file of way points; `help` lists.",
+    help="What to fly, or a file of waypoints; `snakegen missions` lists.",
 )
 @click.option("-o", "--out", metavar="FILE.rrd", type=click.Path(), help="The log to write.")
 @click.option(
@@ -39,7 +41,7 @@ from snakegen.errors import SnakegenError
 @click.option("--duration", type=float, help="Seconds; the mission's own by default.")
 @click.option(
     "--option", "options", metavar="NAME=VALUE", multiple=True,
-    help="An option of the mission; `help` lists them.",
+    help="An option of the mission; `snakegen missions ROBOT MISSION` lists them.",
 )  # fmt: skip
 @click.option("--gains", help="Gain set of the spec, as in paper or tuned.")
 @click.option(
@@ -63,9 +65,11 @@ from snakegen.errors import SnakegenError
     help="Fly N times over uncertain mass, inertia, thrust, lag, delay, noise; log the worst.",
 )  # fmt: skip
 @click.option("--workers", type=int, callback=at_least(1), help="Threads for the trials.")
+@start_options
 @robot_options
 def flight(
     source: Source,
+    stance: Stance,
     mission: str,
     out: str | None,
     seed: int,
@@ -84,13 +88,15 @@ def flight(
 ) -> int:
     """Fly ROBOT through a mission in MuJoCo, log it to rerun, and judge it.
 
-    Exit code 3 when a check of the verdict fails. `--mission help` lists the missions that suit
-    ROBOT, `--mission transform --option help` the options of one.
+    Exit code 3 when a check of the verdict fails. `snakegen missions ROBOT` lists the missions that
+    suit it, `snakegen missions ROBOT transform` the options of one. --joint, --posture and
+    --base-rpy set the posture of missions that hold one.
 
     \b
     Example:
       snakegen analyze flight dragon4 --mission transform
       snakegen analyze flight screw4 --mission lcrank --plant kinematic
+      snakegen analyze flight dragon4 --joint joint1_yaw=0.8 --joint joint2_yaw=0.8
       snakegen analyze flight dragon4 --mission hover --duration 5 --seed 3 --json
       snakegen analyze flight dragon4 --mission hover --trials 100
     """
@@ -110,12 +116,11 @@ def flight(
     source = source.rolling_on(rollers)
     machine = source.machine()
     if mission == "help":
-        return _list_missions(machine)
+        return list_missions(machine)
     if "help" in options:
-        return _list_options(mission, machine)
-    if plant is not None:
-        options = (*options, f"plant={plant}")
-    chosen = mission_options(mission, machine, options, duration)
+        return list_options(mission, machine)
+    own = {"plant": plant, "duration": duration}
+    machine, chosen = given_options(mission, machine, options, own, stance)
     _refuse_idle(mission, machine, gains, allocator)
     at_once = min(trials or 1, workers or os.cpu_count() or 1)
     refuse_too_long(machine, chosen.get("duration") or 0.0, at_once)
@@ -170,75 +175,3 @@ def _refuse_idle(name: str, robot: Any, gains: str | None, allocator: str) -> No
             f"--gains and --allocator are for flights; mission '{name}' has a loop of its own and "
             "takes neither."
         )
-
-
-def _list_missions(robot: Any) -> int:
-    """Prints the missions that suit `robot`, then what the others need."""
-    from snakegen.errors import MissionError
-    from snakegen.simulation.missions import mission as find
-    from snakegen.simulation.missions import missions
-
-    suits, others = [], []
-    for name, text in missions().items():
-        try:
-            find(name, robot)
-            suits.append((name, text))
-        except MissionError as error:
-            others.append((name, str(error).partition("it needs ")[2].rstrip(".")))
-    print_rows(f"missions for {robot.name} (--option help lists the options of one)", suits)
-    if others:
-        print_rows(f"not for {robot.name}; they need", others)
-    return 0
-
-
-def _list_options(name: str, robot: Any) -> int:
-    """Prints the options of a mission with their defaults, then what its docstring adds."""
-    from snakegen.simulation.missions import mission as find
-
-    module = find(name, robot)
-    options = getattr(module, "OPTIONS", {})
-    rows = [(f"{k}={'' if v is None else v}", about) for k, (v, about) in options.items()]
-    print_rows(f"options of mission {name}", rows or [("", "none")])
-    more = (module.__doc__ or "").partition("\n")[2].strip().replace("``", "")
-    if more:
-        click.echo(f"\n{more}")
-    return 0
-
-
-def mission_options(
-    name: str, robot: Any, items: tuple[str, ...], duration: float | None
-) -> dict[str, Any]:
-    """Returns the options of a mission from ``name=value`` items, checked against its OPTIONS."""
-    from snakegen.base import yaml_file
-    from snakegen.errors import MissionError, near
-    from snakegen.robot.posture import read_posture
-    from snakegen.simulation.missions import mission as find
-
-    module = find(name, robot)
-    known = getattr(module, "OPTIONS", {})
-    hints = get_type_hints(module.plan) if hasattr(module, "plan") else {}
-    given: dict[str, Any] = {}
-    for item in items:
-        key, equals, value = item.partition("=")
-        key = key.strip().replace("-", "_")
-        if not equals:
-            raise MissionError(f"--option '{item}': write name=value.")
-        given[key] = yaml_file.parse(value, f"--option {key}")
-    if duration is not None:
-        given["duration"] = duration
-    for key in given:
-        if key not in known:
-            raise MissionError(f"mission '{name}' has no option '{key}'.{near(key, known)}")
-        default, kinds = known[key][0], get_args(hints.get(key))  # kinds of what is None by default
-        value = given[key]
-        if isinstance(default, float) or float in kinds:
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not number or value != value:
-                raise MissionError(f"--option {key}: {value!r} is not a number.")
-        if isinstance(default, bool) and not isinstance(value, bool):
-            raise MissionError(f"--option {key}: {value!r} is neither true nor false.")
-        if isinstance(default, str) or str in kinds:  # a name may look like a number
-            given[key] = str(value)
-    if "posture" in given:
-        given["posture"] = read_posture(Path(str(given["posture"])))
-    return given

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -32,7 +32,7 @@ def chain(*decorators: Decorator) -> Decorator:
 class Source:
     """ROBOT and the options that change it on the way."""
 
-    robot: str  # a preset, a spec file or a URDF
+    robot: str  # a preset, a spec file or a URDF; None where a command does not need one
     links: int | None
     apparatus: str | None
     overrides: tuple[str, ...]
@@ -96,13 +96,16 @@ class Stance:
     posture: str | None
     joints: tuple[str, ...]
     base_rpy: str | None
-    gimbals: str
+    gimbals: Literal["hover", "given"] = "hover"
 
-    def of(self, robot: Any) -> tuple[Any, Any]:
-        """Returns the robot and its q; the base of an arm is mounted as the posture says."""
+    def asked(self, robot: Any) -> tuple[Any, dict[str, Any]]:
+        """Returns the robot and the posture asked for, as `Robot.configuration` takes it.
+
+        The base of an arm is mounted as the posture says.
+        """
         from snakegen.errors import PostureError
         from snakegen.robot.base_mount import mounted
-        from snakegen.robot.posture import hover_gimbals, parse_joints, read_posture
+        from snakegen.robot.posture import parse_joints, read_posture
 
         given = read_posture(Path(self.posture)) if self.posture else {}
         given |= parse_joints(self.joints)
@@ -115,8 +118,12 @@ class Stance:
             given["base_rpy"] = parts
         if "base_rpy" in given and not robot.floating:
             robot = mounted(robot, given.pop("base_rpy"))
-        q = robot.configuration(given)
-        return robot, hover_gimbals(robot, q) if self.gimbals == "hover" else q
+        return robot, given
+
+    def of(self, robot: Any) -> tuple[Any, Any]:
+        """Returns the robot and its configuration."""
+        robot, given = self.asked(robot)
+        return robot, robot.configuration(given, gimbals=self.gimbals)
 
 
 def _gathered(name: str, kind: Any, *decorators: Decorator) -> Decorator:
@@ -162,6 +169,13 @@ _modules = click.option(
 )  # fmt: skip
 
 spec_options = _gathered("source", Source, _robot, _overrides)
+optional_robot_options = _gathered(
+    "source",
+    Source,
+    click.argument("robot", metavar="[ROBOT]", required=False),
+    _overrides,
+    _modules,
+)
 robot_options = _gathered("source", Source, _robot, _overrides, _modules)
 
 rollers_option = click.option(
@@ -169,8 +183,7 @@ rollers_option = click.option(
     help="How screw drums touch the ground; ball (one a drum) is for the MJCF alone.",
 )  # fmt: skip
 
-posture_options = _gathered(
-    "stance", Stance,
+_posture = chain(
     click.option("--posture", metavar="FILE", type=click.Path(), help="Posture file (YAML)."),
     click.option(
         "--joint", "joints", metavar="NAME=VALUE", multiple=True,
@@ -180,6 +193,10 @@ posture_options = _gathered(
         "--base-rpy", metavar="R,P,Y",
         help="Attitude of the root link, or of an arm's base, in rad, as in 0,0.2,0.",
     ),
+)  # fmt: skip
+start_options = _gathered("stance", Stance, _posture)
+posture_options = _gathered(
+    "stance", Stance, _posture,
     click.option(
         "--gimbals", type=click.Choice(["hover", "given"]), default="hover", show_default=True,
         help="Point every thrust up first, or take the posture's gimbal angles.",

@@ -27,6 +27,7 @@ def result_json(recording: Any, path: Path) -> dict[str, Any]:
         | recording.metrics
         | {
             "log": str(path),
+            "start_posture_rad": start_posture(recording),
             "verdict": judged.to_json() if judged else None,
             "passed": bool(judged and judged.passed),
         }
@@ -38,9 +39,13 @@ def result_lines(recording: Any, path: Path) -> list[str]:
 
     A run that failed tells its events too, for they say why.
     """
+    from snakegen.robot.posture import posture_text
     from snakegen.simulation.recording.summary import outcome
 
     lines = [f"log: {path}"]
+    if start := start_posture(recording):
+        base_rpy = start.pop("base_rpy", ())
+        lines.append(f"start: {posture_text(start, base_rpy)}")
     if recording.meta.get("stopped"):
         lines.append(f"ended early: {recording.meta['stopped']}")
     modes = recording.meta.get("modal_frequencies_hz")
@@ -57,6 +62,20 @@ def result_lines(recording: Any, path: Path) -> list[str]:
     led = recording.meta.get("feed_forward")
     by = f", with feed-forward {led}" if led else ""
     return [*lines, f"verdict: {judged.summary()}{by}"]
+
+
+def start_posture(recording: Any) -> dict[str, Any]:
+    """Returns the joint angles [rad] by name, and the base's attitude, with which a run begins."""
+    from snakegen.base.geometry import rotation_from_xyzw, rpy_from_rotation
+
+    out: dict[str, Any] = {}
+    if "joint_angle" in recording.channels:
+        joints = recording.channel("joint_angle")
+        out |= dict(zip(joints.labels, joints.values[0].tolist(), strict=True))
+    if "attitude" in recording.channels:
+        at = rotation_from_xyzw(recording.channel("attitude").values[0])
+        out["base_rpy"] = rpy_from_rotation(at).tolist()
+    return out
 
 
 def _events(recording: Any) -> list[str]:

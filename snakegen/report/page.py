@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from snakegen import __version__
 from snakegen.analysis import catalogue
@@ -18,7 +19,7 @@ from snakegen.base.geometry import rpy_from_rotation
 from snakegen.base.rounding import rounded
 from snakegen.errors import AnalysisError, SnakegenError
 from snakegen.report.collection import Page
-from snakegen.robot.posture import angles_by_name
+from snakegen.robot.posture import angles_by_name, posture_line
 from snakegen.robot.robot import Robot
 
 MARKDOWN = (".md", ".markdown")
@@ -53,18 +54,23 @@ def to_json(page: Page) -> dict[str, Any]:
     Numbers have ten digits of the largest of their list: those that no processor changes.
     """
     robot = page.robot
-    base, _ = robot.base_pose(page.q)
-    posture: dict[str, Any] = angles_by_name(robot, page.q)
-    if robot.floating:
-        posture["base_rpy"] = rpy_from_rotation(base).tolist()
     out = {
         "robot": robot.name,
         "snakegen": __version__,
         "urdf_sha256": robot.urdf_hash,
-        "posture_rad": posture,
+        "posture_rad": posture_json(robot, page.q),
     }
     found = {name: plain(result.to_json()) for name, result in page.results.items()}
     return dict(rounded(plain(out) | found))
+
+
+def posture_json(robot: Robot, q: ArrayLike) -> dict[str, Any]:
+    """Returns every joint angle of q [rad] by name, and the attitude of a floating base."""
+    at = robot.validate_configuration(q)
+    out: dict[str, Any] = angles_by_name(robot, at)
+    if robot.floating:
+        out["base_rpy"] = rpy_from_rotation(at.base_rotation).tolist()
+    return out
 
 
 def text_table(title: str, rows: list[tuple[str, str]], width: int = 100) -> str:
@@ -101,9 +107,8 @@ def text_page(page: Page, width: int = 100) -> str:
 def heading(page: Page) -> str:
     """Returns the robot, its base and the joints that are not at 0, in one line."""
     robot = page.robot
-    bent = {n: a for n, a in angles_by_name(robot, page.q).items() if abs(a) > 5e-4}
-    shown = ", ".join(f"{n} {a:+.3f}" for n, a in bent.items()) or "all joints at 0"
-    return f"{robot.name}, {'floating' if robot.floating else 'fixed'} base; {shown}"
+    base = "floating" if robot.floating else "fixed"
+    return f"{robot.name}, {base} base; {posture_line(robot, page.q)}"
 
 
 def write_markdown(page: Page, path: Path) -> None:

@@ -1,6 +1,6 @@
 """Postures: read from files, and completed with the gimbal angles of a hover."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +9,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from snakegen.base import yaml_file
-from snakegen.base.geometry import Floats
+from snakegen.base.geometry import Floats, rpy_from_rotation
 from snakegen.errors import PostureError
 from snakegen.kernels.allocation.gimbals import mounts, point_thrust, thrust_line
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.robot.bodies import RobotBodies
 from snakegen.robot.configuration import Configuration
+
+SHOWN = 5e-4  # rad: what three digits show
 
 
 def read_posture(path: Path) -> dict[str, Any]:
@@ -109,9 +111,28 @@ def set_angle(robot: RobotBodies, q: Floats, name: str, angle: float) -> None:
         q[joint.idx_q] = angle
 
 
-def angles_by_name(robot: RobotBodies, q: Floats) -> dict[str, float]:
+def angles_by_name(robot: RobotBodies, q: ArrayLike) -> dict[str, float]:
     """Returns the joint angles [rad] of q by name."""
     return {n: float(a) for n, a in zip(robot.joint_names, robot.angles(q), strict=True)}
+
+
+def posture_text(angles: Mapping[str, float], base_rpy: Iterable[float] = ()) -> str:
+    """Returns a posture in one line: joint angles and base attitude that are not 0, rad.
+
+    Args:
+        angles: rad (m where a joint slides), by joint name.
+        base_rpy: roll, pitch and yaw of the base.
+    """
+    parts = [f"{name} {angle:+.3f}" for name, angle in angles.items() if abs(angle) > SHOWN]
+    if any(abs(x) > SHOWN for x in base_rpy):
+        parts.append("base_rpy " + " ".join(f"{x:+.3f}" for x in base_rpy))
+    return ", ".join(parts) or "all joints at 0"
+
+
+def posture_line(robot: RobotBodies, q: ArrayLike) -> str:
+    """Returns the posture of q in one line, gimbals included."""
+    at = robot.validate_configuration(q)
+    return posture_text(angles_by_name(robot, at), rpy_from_rotation(at.base_rotation).tolist())
 
 
 def neutral(robot: RobotBodies) -> Floats:

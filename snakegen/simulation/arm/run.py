@@ -6,7 +6,7 @@ law's of the motion that the servos made, which needs no tracking to be good (`j
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from snakegen.simulation.monte_carlo import Spread
 from snakegen.simulation.recording.metrics import metrics
 from snakegen.simulation.recording.recording import Channel, Recording, channel
 from snakegen.simulation.recording.worst_place import judged_verdict
+from snakegen.simulation.run_settings import RunSettings
 from snakegen.statics.joint_torques import armature, finite
 from snakegen.statics.tip import Tip, find_tip
 
@@ -57,25 +58,49 @@ def movable(robot: Robot) -> bool:
     return not robot.floating and bool(robot.chain_joints) and set(robot.chain_joints) <= driven
 
 
-def with_defaults(known: Mapping[str, Any], given: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Returns the options of a mission, its defaults where none are given."""
-    return {k: v[0] for k, v in known.items()} | dict(given or {})
+@dataclass(frozen=True)
+class ArmOptions:
+    """Options of every mission of an arm.
+
+    Attributes:
+        gravity: m/s², world
+        lead: what servos get beside the angle: none, speed, or law (speed and torque)
+        friction: static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own
+    """
+
+    gravity: str = "0,0,-9.81"
+    lead: str = "law"
+    friction: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ArmGoal:
+    """What a mission asks of an arm beside its motion.
+
+    Attributes:
+        tip: the point whose place is logged; the last link's end if absent.
+        target: (T,) s → (T, 3) m, where it should be, where that is not simply where the motion
+            asked for has it.
+        bound: m, between the tip and its target, of an arm that is its model; others may be off by
+            twice what default imperfections are expected to do (`expected_tip_error`).
+        thresholds: of the verdict, over the defaults; None takes a check out.
+        facts: what the mission wants in the log, as JSON.
+    """
+
+    tip: Tip | None = None
+    target: Callable[[Floats], Floats] | None = None
+    bound: float | None = None
+    thresholds: Mapping[str, Any] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
 
 def run_arm(
     robot: Robot,
     motion: Motion,
-    *,
     mission: str,
-    seed: int,
-    ideal: bool,
-    options: Mapping[str, Any],
-    tip: Tip | None = None,
-    tip_target: Callable[[Floats], Floats] | None = None,
-    tip_bound: float | None = None,
-    thresholds: Mapping[str, Any] | None = None,
-    facts: Mapping[str, Any] | None = None,
-    progress: Callable[[int, int], Any] | None = None,
+    options: ArmOptions,
+    settings: RunSettings,
+    goal: ArmGoal | None = None,
 ) -> Recording:
     """Runs `motion` in MuJoCo and returns the judged recording.
 
@@ -83,36 +108,29 @@ def run_arm(
         robot: an arm, as `movable` says.
         motion: of its chain.
         mission: name.
-        seed: of the arm's hardware (`arm_plant.draw_arm`); the same seed gives the same run.
-        ideal: the arm is its model.
-        options: of the mission: gravity, lead, friction and its own; ``draw``, ranges and a
-            generator, draws the hardware in place of the seed (`arm_trials`).
-        tip: the point whose place is logged; the last link's end if absent.
-        tip_target: (T,) s → (T, 3) m, where it should be, where that is not simply where the motion
-            asked for has it.
-        tip_bound: m, between the tip and its target, of an arm that is its model; others may be
-            off by twice what default imperfections are expected to do (`expected_tip_error`).
-        thresholds: of the verdict, over the defaults; None takes a check out.
-        facts: what the mission wants in the log, as JSON.
-        progress: called with instants run and instants in all.
+        options: of the mission, for the log.
+        settings: of the run; its seed draws the arm's hardware (`arm_plant.draw_arm`), unless
+            `draw` does (`arm_trials`).
+        goal: what the mission asks of the tip and of the verdict.
 
     Raises:
         MissionError: options that are none.
         SnakegenError: as `torques_along`.
     """
+    goal, ideal = goal or ArmGoal(), settings.ideal
     try:
-        gravity = finite(options.get("gravity", "0,0,-9.81"), (3,), "gravity")
-        known = friction_of(options.get("friction"), robot, motion.joints)
-        rub = known if known.present or options.get("friction") is not None else None
+        gravity = finite(options.gravity, (3,), "gravity")
+        known = friction_of(options.friction, robot, motion.joints)
+        rub = known if known.present or options.friction is not None else None
     except AnalysisError as error:
         raise MissionError(str(error)) from None
     world = make_world(robot, timestep=STEP, floor=False)
     world.model.dof_frictionloss[world.qvel[world.chain]] = 0.0  # the loop applies it, once
     q = robot.configuration()
     along = torques_along(robot, q, motion, motion.times(1.0 / STEP), gravity=gravity)
-    lead = str(options.get("lead", "law"))
-    drawn, trial = _drawn(world, options.get("draw"))
-    plant = draw_arm(world, rub, seed, ideal=ideal or trial is not None)
+    lead = options.lead
+    drawn, trial = _drawn(world, settings.draw)
+    plant = draw_arm(world, rub, settings.seed, ideal=ideal or trial is not None)
     if trial is not None:
         plant = replace(plant, friction=trial.rubbed(plant.friction))
     rub = plant.friction
@@ -120,18 +138,18 @@ def run_arm(
         world, along, gravity, plant=plant, lead=lead,
         simulated=None if trial is None else trial.model(world),
         offset=0.0 if trial is None else trial.offset,
-        progress=progress,
+        progress=settings.progress,
     )  # fmt: skip
     made = _law_of(world, moved, gravity)
     rows = np.arange(0, moved.ticks, round(LOGGED / STEP))
-    end = find_tip(robot) if tip is None else tip
-    channels = _channels(world, along, moved, made, end, tip_target, rows)
+    end = find_tip(robot) if goal.tip is None else goal.tip
+    channels = _channels(world, along, moved, made, end, goal.target, rows)
     meta = {
         "robot": robot.name,
         "mission": mission,
         "mode": f"servos led by {lead}",
         "feed_forward": FEED_FORWARD[lead],
-        "seed": seed,
+        "seed": settings.seed,
         "ideal": ideal,
         "version": __version__,
         "weight_n": robot.force_scale,
@@ -139,12 +157,12 @@ def run_arm(
         "urdf_sha256": robot.urdf_hash,
         "rotors": [],
         "limits": {"joint_torque": robot.limits(motion.joints)[2].tolist()},
-        "options": {k: v for k, v in options.items() if v is not None and k != "draw"},
+        "options": {k: v for k, v in vars(options).items() if v is not None},
         "gravity_m_s2": gravity.tolist(),
         "friction_n_m": list(rub.highest),
         "stopped": moved.stopped,
         "planned_s": float(along.time[-1]),
-        "facts": dict(facts or {})
+        "facts": dict(goal.facts)
         | {"arm_plant": None if ideal or trial is not None else plant.facts(world)},
     } | ({"drawn": drawn} if drawn else {})
     recording = Recording(along.time[rows], channels, (), meta, arm_report(channels))
@@ -156,10 +174,10 @@ def run_arm(
     else:  # independent masses add up to about half of what they would all together
         use = np.abs(along.torque()) / np.maximum(meta["limits"]["joint_torque"], 1e-12)
         bounds["made_gap_use"] = {"at_most": GAP + 0.5 * Spread().mass * float(use.max())}
-    if tip_bound is not None:
+    if goal.bound is not None:
         off = 0.0 if ideal else TIP_SIGMAS * expected_tip_error(world, along, end)
-        bounds["position_max_m"] = {"at_most": max(tip_bound, off)}
-    bounds |= dict(thresholds or {})
+        bounds["position_max_m"] = {"at_most": max(goal.bound, off)}
+    bounds |= goal.thresholds
     if not ideal and bounds.get("torque_gap_share"):
         del bounds["torque_gap_share"]
     return recording.judged(found, judged_verdict(recording, found, bounds))

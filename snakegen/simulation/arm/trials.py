@@ -19,8 +19,10 @@ from snakegen.inverse_kinematics.friction import Friction
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.world import World
 from snakegen.simulation.missions import mission
+from snakegen.simulation.missions.options import checked_options
 from snakegen.simulation.monte_carlo import MonteCarlo, Spread, Trial, summary
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.run_settings import RunSettings
 
 TIP_SHARE = 0.01  # of the arm's length, that the tip may be off (assumed)
 TORQUE_USE = 0.99
@@ -115,14 +117,14 @@ def arm_trials(
         MissionError: no run asked for, or interrupted before the first was finished.
     """
     module = mission(name, robot)
+    chosen = checked_options(name, module.Options, options or {})
     spread = ArmSpread.of(robot) if spread is None else spread
     length = sum(robot.modules.lengths.values()) or robot.link_length
     trials: list[Trial] = []
     worst: tuple[tuple[bool, float], Recording] | None = None
     for k in range(count):
         rng = np.random.default_rng([seed, k])
-        given = dict(options or {}) | {"draw": (spread, rng)}
-        recording = module.fly(robot, seed=seed, ideal=False, options=given, progress=None)
+        recording = module.fly(robot, chosen, RunSettings(seed, draw=(spread, rng)))
         if str(recording.meta["stopped"]).startswith("interrupted"):
             break
         trial = _judged(recording, k, TIP_SHARE * length)

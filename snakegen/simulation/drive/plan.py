@@ -1,7 +1,7 @@
 """Plans of drives: a reference on the ground, the law that follows it, what lies in the way."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.errors import MissionError
+from snakegen.robot.configuration import Configuration
 from snakegen.robot.robot import Robot
 from snakegen.screw_drive.geometry import drive_geometry, yaw_joints
 from snakegen.screw_drive.ground_paths import (
@@ -25,15 +26,35 @@ from snakegen.simulation.flight.plan import Box
 
 GAIN = 0.5  # 1/s, HA's K
 
-COMMON: dict[str, list[Any]] = {
-    "plant": ["contact", "contact (MuJoCo, wheels that roll) or kinematic (wheels cannot slip)"],
-    "duration": [None, "s; the mission's own by default"],
-    "speed": [0.125, "m/s"],
-    "acceleration": [0.4, "m/s²; 0: at once, as printed"],
-    "gain": [GAIN, "1/s, K of HA eq 7"],
-    "feedback": [True, "false: feedforward alone"],
-}
-"""Options of every drive; a mission's OPTIONS name those it has, as literals."""
+
+@dataclass(frozen=True)
+class DriveLaw:
+    """Options of every drive that follows a reference.
+
+    Attributes:
+        speed: m/s
+        acceleration: m/s²; 0: at once, as printed
+        gain: 1/s, K of HA eq 7
+        feedback: false: feedforward alone
+    """
+
+    speed: float = 0.125
+    acceleration: float = 0.4
+    gain: float = GAIN
+    feedback: bool = True
+
+
+@dataclass(frozen=True)
+class DriveOptions(DriveLaw):
+    """Options of a mission that is one drive.
+
+    Attributes:
+        plant: contact (MuJoCo, wheels that roll) or kinematic (wheels cannot slip)
+        duration: s; the mission's own by default
+    """
+
+    plant: str = "contact"
+    duration: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +103,9 @@ class DrivePlan:
             raise MissionError(f"compliance {self.compliance:g}: more than 0 is needed.")
 
 
-def lasting(options: dict[str, Any], own: float) -> float:
+def lasting(options: DriveOptions, own: float) -> float:
     """Returns the duration asked for [s], else the mission's own."""
-    return own if options["duration"] is None else float(options["duration"])
+    return own if options.duration is None else options.duration
 
 
 def can_drive(robot: Robot) -> bool:
@@ -200,6 +221,18 @@ def held_plan(
         reference, state, duration, gain, load=load, thresholds=thresholds, facts=facts,
         events=event,
     )  # fmt: skip
+
+
+def held_posture(robot: Robot, posture: Mapping[str, Any] | None) -> Configuration:
+    """Returns q of a posture by joint names; straight if there is none.
+
+    Raises:
+        MissionError: a base pose, which the ground decides.
+    """
+    for name in ("base_rpy", "base_position"):
+        if posture and name in posture:
+            raise MissionError(f"the ground decides how a drive stands; leave out {name}.")
+    return robot.configuration(posture)
 
 
 def check_figure(robot: Robot, figure: float, what: str) -> None:

@@ -10,11 +10,12 @@ from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
 from snakegen.screw_drive.geometry import yaw_joints
 from snakegen.screw_drive.kinematics import ScrewGeometry
-from snakegen.simulation.drive.plan import DrivePlan, rates
-from snakegen.simulation.drive.run import Driven, Progress, pitch_joints, run_contact, run_kinematic
+from snakegen.simulation.drive.plan import DrivePlan, choice, rates
+from snakegen.simulation.drive.run import Driven, pitch_joints, run_contact, run_kinematic
 from snakegen.simulation.recording.metrics import metrics
 from snakegen.simulation.recording.recording import Channel, Event, Recording, channel
 from snakegen.simulation.recording.worst_place import judged_verdict
+from snakegen.simulation.run_settings import NOMINAL, RunSettings
 
 DRIVE_THRESHOLDS: dict[str, dict[str, Any] | None] = {
     "completed": {"equals": True},
@@ -39,6 +40,7 @@ FROM_ASIDE: dict[str, dict[str, Any] | None] = {
     "shape_rmse_settled_rad": {"at_most": 0.05},
 }
 """Tracking of a drive that starts off its path: judged after HA's start error has decayed."""
+PLANTS = ("contact", "kinematic")
 ON_PATH = 1e-6  # m, rad: a start that differs from the reference by less is on it
 DRAWN = 25.0  # Hz, of the configuration: the eye needs no more, and wheels are many
 
@@ -49,10 +51,8 @@ def drive(
     plan: DrivePlan,
     *,
     plant: str = "contact",
-    seed: int = 0,
-    ideal: bool = False,
+    settings: RunSettings = NOMINAL,
     rollers: str | None = None,
-    progress: Progress = None,
     more: dict[str, Any] | None = None,
 ) -> Recording:
     """Drives a plan in one of the two plants and returns the judged recording.
@@ -62,29 +62,25 @@ def drive(
         mission: its name, for the log.
         plan: what to do.
         plant: "contact" or "kinematic".
-        seed: of the sensors' noise; the kinematic plant has none.
-        ideal: perfect sensors.
+        settings: of the run; the kinematic plant has no noise.
         rollers: contact representation in place of the robot's own.
-        progress: called with ticks driven and ticks in all.
         more: metrics that this run alone does not show, from a run to compare with.
 
     Raises:
         MissionError: ground or pitch motion in the kinematic plant, or no such plant.
     """
-    if plant == "kinematic":
-        driven = run_kinematic(robot, plan, progress)
+    if choice(plant, PLANTS, "plant") == "kinematic":
+        driven = run_kinematic(robot, plan, settings.progress)
     else:
-        driven = run_contact(
-            robot, plan, seed=seed, ideal=ideal, rollers=rollers, progress=progress
-        )
+        driven = run_contact(robot, plan, settings, rollers=rollers)
     gain = np.broadcast_to(np.asarray(plan.gain, float), plan.start.shape).tolist()
     meta = {
         "mission": mission,
-        "seed": seed,
+        "seed": settings.seed,
         "mode": "screw drive",
         "drive_plant": plant,
         "rollers": rollers or robot.modules.screws[0].rollers if plant == "contact" else "",
-        "ideal": ideal or plant == "kinematic",
+        "ideal": settings.ideal or plant == "kinematic",
         "gain_1_s": gain,
         "feedback": plan.feedback,
         "reference_s": plan.reference.duration,

@@ -22,6 +22,7 @@ from snakegen.simulation.drive.kinematic_plant import drive_kinematic
 from snakegen.simulation.drive.load import AWAY, ROLLED
 from snakegen.simulation.drive.plan import DrivePlan, rates
 from snakegen.simulation.flight.plan import Box
+from snakegen.simulation.run_settings import NOMINAL, RunSettings
 
 PERIOD = 0.01  # s, of the law in contact
 STEP = 0.005  # s, of the kinematic plant
@@ -126,11 +127,9 @@ def contact_model(
 def run_contact(
     robot: Robot,
     plan: DrivePlan,
+    settings: RunSettings = NOMINAL,
     *,
-    seed: int = 0,
-    ideal: bool = False,
     rollers: str | None = None,
-    progress: Progress = None,
 ) -> Driven:
     """Runs a plan in MuJoCo, the law asked every 10 ms with what the sensors say.
 
@@ -141,7 +140,7 @@ def run_contact(
     model = contact_model(robot, plan.obstacles, rollers)
     drive = ContactDrive(model, geometry.units, yaws, pitch_joints(robot))
     drive.soften(plan.compliance)
-    hardware = DriveHardware(robot, seed, len(plan.start), ideal=ideal)
+    hardware = DriveHardware(robot, settings.seed, len(plan.start), ideal=settings.ideal)
     hardware.change_bodies(model)
     drive.reset(plan.start)
     out, record = Driven(robot, geometry), _Recorder(robot, drive)
@@ -169,8 +168,8 @@ def run_contact(
             if plan.load is not None and _let_go(drive, w, desired):
                 out.events.append((t, "INFO", "it has let go"))
                 break
-            if progress is not None and k % 20 == 0:
-                progress(k, ticks)
+            if settings.progress is not None and k % 20 == 0:
+                settings.progress(k, ticks)
     except KeyboardInterrupt:
         out.stopped = f"interrupted at {t:.2f} s"
         out.events.append((t, "WARN", out.stopped))

@@ -189,7 +189,7 @@ class _Run:
             plan.position[0],
             plan.velocity[0],
             plan.acceleration[0],
-            plan.rotation[0],
+            self.frame,
             plan.angular[0],
         )
         _, command = self.controller.tick(measured, target, self.state, 1e-9)

@@ -13,7 +13,7 @@ from snakegen.control.servos import bounded_joints
 from snakegen.errors import SnakegenError
 from snakegen.kernels.flight.types import Memory, Plant, References, Rows, Simulator, Wiring
 from snakegen.simulation.flight.elastic import tip_name
-from snakegen.simulation.flight.plan import Plan
+from snakegen.simulation.flight.plan import Plan, frame_targets
 from snakegen.simulation.flight.plant import Draw, Imperfections
 from snakegen.simulation.flight.postures import turning_rates
 from snakegen.simulation.flight.world import World
@@ -136,12 +136,13 @@ def references(plan: Plan, noise: Draw, frame: Floats, mode: int) -> References:
     modes = np.full(ticks, mode) if plan.mode is None else np.asarray(plan.mode)
     wind = noise.wind if plan.wind is None else noise.wind + plan.wind
     push = np.zeros((0, 6)) if plan.disturbance is None else plan.disturbance
+    rotation, angular = frame_targets(plan, frame)
     return References(
         np.ascontiguousarray(plan.position, dtype=float),
         np.ascontiguousarray(plan.velocity, dtype=float),
         np.ascontiguousarray(plan.acceleration, dtype=float),
-        np.ascontiguousarray(frame @ plan.rotation),
-        np.ascontiguousarray(plan.angular, dtype=float),
+        np.ascontiguousarray(rotation),
+        np.ascontiguousarray(angular, dtype=float),
         np.ascontiguousarray(plan.joints, dtype=float),
         modes.astype(np.int64),
         strength,

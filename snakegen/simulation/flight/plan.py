@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from snakegen.base.geometry import Floats
+from snakegen.base.geometry import Floats, rotation_from_xyzw
 from snakegen.errors import MissionError
 
 PEAK_RATE = 15.0 / 8.0  # largest slope of the quintic below
@@ -39,7 +39,7 @@ class Plan:
     Attributes:
         time: (T,) s.
         position, velocity, acceleration: (T, 3) of the CoG, world.
-        rotation: (T, 3, 3) attitude of the CoG frame.
+        rotation: (T, 3, 3) attitude of the root link, in the world.
         angular: (T, 3) rad/s, its own axes.
         joints: (T, k) rad, of the joints that shape the body.
         start: (nq,) configuration at t = 0.
@@ -143,6 +143,18 @@ def knots_for(points: ArrayLike, rate: float, *, start: float = 0.0, least: floa
     return start + np.concatenate([[0.0], np.cumsum(np.maximum(span, least))])
 
 
+def frame_targets(plan: Plan, frame: Floats) -> tuple[Floats, Floats]:
+    """Returns attitude (T, 3, 3) and angular velocity (T, 3) [rad/s, own axes] of the CoG frame.
+
+    Args:
+        plan: whose attitudes are the root link's.
+        frame: (3, 3) attitude of the CoG frame where the plan starts; it keeps its place to the
+            root link's.
+    """
+    axes = plan.rotation[0].T @ frame
+    return plan.rotation @ axes, plan.angular @ axes
+
+
 def level(count: int) -> tuple[Floats, Floats]:
     """Returns attitude (T, 3, 3) and angular velocity (T, 3) of a CoG frame held level."""
     return np.repeat(np.eye(3)[None], count, axis=0), np.zeros((count, 3))
@@ -162,17 +174,17 @@ def ticks(duration: float, rate: float) -> Floats:
 def holding(time: Floats, joints: ArrayLike, start: Floats, cog: ArrayLike, **more: Any) -> Plan:
     """Returns a plan that holds one pose and posture; `more` are further fields of `Plan`.
 
-    `joints` are (k,), or (T, k) where they move.
+    The attitude held is that of `start`; `joints` are (k,), or (T, k) where they move.
     """
     count, still = len(time), np.zeros((len(time), 3))
-    rotation, angular = level(count)
+    rotation = np.repeat(rotation_from_xyzw(start[3:7])[None], count, axis=0)
     angles = np.atleast_2d(np.asarray(joints, float))
     fields = {
         "position": np.repeat(np.asarray(cog, float)[None], count, axis=0),
         "velocity": still,
         "acceleration": still,
         "rotation": rotation,
-        "angular": angular,
+        "angular": still,
         "joints": angles if len(angles) == count else np.repeat(angles, count, axis=0),
         "start": start,
     }

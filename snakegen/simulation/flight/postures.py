@@ -1,6 +1,7 @@
 """Joint paths for missions, for any chain: bent where a straight body could not fly."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,18 @@ from snakegen.errors import MissionError
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.robot.posture import hover_gimbals, set_angle
 from snakegen.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class PostureOption:
+    """Option of a mission that holds one posture.
+
+    Attributes:
+        posture: posture file; a bent body by default
+    """
+
+    posture: Mapping[str, Any] | None = None
+
 
 BEND = 1.0  # rad, of the yaw joints of a body at rest in the air
 
@@ -87,13 +100,54 @@ def extent(robot: Robot, joints: Floats) -> Floats:
     return np.array([(middle - half).min(axis=0), (middle + half).max(axis=0)])
 
 
-def resting_joints(robot: Robot, posture: dict[str, Any] | None = None) -> Floats:
-    """Returns joint angles (k,) of a posture file's mapping; those of `bent` if there is none."""
-    if not posture:
+def resting_joints(robot: Robot, posture: Mapping[str, Any] | None = None) -> Floats:
+    """Returns joint angles (k,) of a posture by joint names; those of `bent` if it names none.
+
+    Raises:
+        MissionError: a part that is set by the mission: gimbals, the base's position.
+        PostureError: as `Robot.configuration`.
+    """
+    named = {k: v for k, v in (posture or {}).items() if k != "base_rpy"}
+    if not named:
         return bent(robot)
-    q = robot.configuration({k: v for k, v in posture.items() if k != "base_rpy"})
+    q = robot.configuration(named)
+    driven = driven_joints(robot)
+    for name in named:
+        if name not in driven:
+            raise MissionError(
+                f"{name} is set by the mission; its posture may hold base_rpy and joints with a "
+                f"servo between links: {', '.join(driven)}."
+            )
     angles = dict(zip(robot.joint_names, robot.angles(q), strict=True))
     return np.array([angles[n] for n in driven_joints(robot)])
+
+
+def resting_attitude(
+    robot: Robot, posture: Mapping[str, Any] | None, mission: str, *, level: bool = False
+) -> Floats:
+    """Returns the root link's attitude (3, 3) of a posture: that of its ``base_rpy``.
+
+    Args:
+        robot: that flies.
+        posture: of the mission; level and along x where it has no ``base_rpy``.
+        mission: its name, for the error.
+        level: whether the mission holds nothing but that.
+
+    Raises:
+        MissionError: an attitude that the mission, or the robot's mode, does not hold.
+    """
+    rpy = (posture or {}).get("base_rpy")
+    if rpy is None:
+        return np.eye(3)
+    rotation = robot.configuration({"base_rpy": rpy}).base_rotation
+    if level and not np.allclose(rotation, np.eye(3), atol=1e-9):
+        raise MissionError(f"mission '{mission}' starts level and along x; leave out base_rpy.")
+    if robot.modules.control.get("mode") == "dual_rotor" and rotation[2, 2] < 1.0 - 1e-9:
+        raise MissionError(
+            f"{robot.name} flies in dual-rotor mode, which holds no tilt in hover; base_rpy may "
+            "turn it about z alone."
+        )
+    return np.array(rotation)
 
 
 def place(robot: Robot, joints: Floats, cog: Floats, rotation: Floats | None = None) -> Floats:

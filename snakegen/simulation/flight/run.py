@@ -18,10 +18,11 @@ from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections, draw
 from snakegen.simulation.flight.preflight import check_air, check_references, check_start
 from snakegen.simulation.flight.reference_limits import check_motion
-from snakegen.simulation.flight.trim import trimmed
+from snakegen.simulation.flight.trim import SECONDS, TrimOption, trimmed
 from snakegen.simulation.flight.vibration import OFF, Damping, check_redundancy, hinges
 from snakegen.simulation.flight.world import World, make_world
 from snakegen.simulation.missions import is_file, mission
+from snakegen.simulation.missions.options import checked_options
 from snakegen.simulation.recording.blocks import Blocks
 from snakegen.simulation.recording.flight_report import flight_report
 from snakegen.simulation.recording.metrics import metrics
@@ -29,6 +30,7 @@ from snakegen.simulation.recording.record import record
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS
 from snakegen.simulation.recording.worst_place import judged_verdict
+from snakegen.simulation.run_settings import RunSettings
 
 
 def run(
@@ -62,8 +64,8 @@ def run(
     """
     module = mission(name, robot)
     if hasattr(module, "fly"):  # no aerial flight: the mission has a loop of its own
-        given = dict(options or {})
-        return module.fly(robot, seed=seed, ideal=ideal, options=given, progress=progress)
+        chosen = checked_options(name, module.Options, options or {})
+        return module.fly(robot, chosen, RunSettings(seed, ideal, progress))  # type: ignore[no-any-return]
     ready = prepare(robot, name, gains=gains, allocator=allocator, ideal=ideal, options=options)
     world = ready.world()
     rng = np.random.default_rng(seed)
@@ -184,18 +186,17 @@ def prepare(
     controller = flight_controller(robot, chosen, allocator=allocator)
     control = robot.modules.control
     rate = float(control.get("attitude_rate", 200.0))
-    given = dict(options or {})
-    if is_file(name):
-        given["file"] = name
-    if "allocator" in module.OPTIONS:
-        given |= {"allocator": allocator, "ideal": ideal}
-    plan: Plan = module.plan(robot, rate, **{k: v for k, v in given.items() if k != "trim"})
+    given = dict(options or {}) | ({"file": name} if is_file(name) else {})
+    asked = checked_options(name, module.Options, given)
+    if hasattr(asked, "allocator"):
+        asked = replace(asked, allocator=allocator, ideal=ideal)
+    plan: Plan = module.plan(robot, rate, asked)
     check_references(robot, plan)
     check_motion(robot, controller, plan)
-    if "trim" in module.OPTIONS:
-        usual = 0.0 if plan.on_floor else module.OPTIONS["trim"][0]
-        plan = trimmed(plan, usual if given.get("trim") is None else float(given["trim"]))
-    check_start(robot, controller, plan, force=bool(given.get("force")))
+    if isinstance(asked, TrimOption):
+        usual = 0.0 if plan.on_floor else SECONDS
+        plan = trimmed(plan, usual if asked.trim is None else asked.trim)
+    check_start(robot, controller, plan, force=getattr(asked, "force", False) is True)
     modes = ("dual_rotor", "virtual_single_rotor")
     if plan.tracked:
         bounds: dict[str, dict[str, Any] | None] = tracking_bounds(
@@ -208,7 +209,7 @@ def prepare(
     imperfections = Imperfections.of(robot.modules.plant)
     imperfections = imperfections.ideal() if ideal else imperfections
     if hasattr(module, "plant"):
-        imperfections = module.plant(imperfections, given)
+        imperfections = module.plant(imperfections, asked)
     check_air(plan, imperfections)
     if plan.trim or plan.on_floor:
         force, torque = integral_limits(robot, controller, plan, imperfections)

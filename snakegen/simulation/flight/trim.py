@@ -6,7 +6,7 @@ minutes. Here the error is integrated faster for a while: K_i itself stays, so t
 paper's again, without a bump, when the mission begins at t = 0. The integrals' clamps stay too.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,18 @@ from snakegen.simulation.flight.plan import Plan
 SECONDS = 10.0  # s, five times SETTLING: what is left of an offset is under 1 %
 SETTLING = 2.0  # s, in which an integral settles while trimming
 STABLE = 1.0 / 3.0  # of K_p K_d, the K_i at which a lagless loop turns unstable
-OPTION = [SECONDS, "s of hover before t = 0, in which the integrals run faster; 0: none"]
+
+
+@dataclass(frozen=True)
+class TrimOption:
+    """Option of a mission that may begin with a trim.
+
+    Attributes:
+        trim: s of hover before t = 0, in which the integrals run faster; 0: none; if absent 10,
+            but from the floor 0
+    """
+
+    trim: float | None = None
 
 
 def trimmed(plan: Plan, seconds: float) -> Plan:

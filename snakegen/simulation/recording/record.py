@@ -13,7 +13,7 @@ from snakegen.kernels.flight.run_history import cog_history, quaternions, rotati
 from snakegen.kernels.kinematics.chain import forward
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.loop import Flown, rotation_of
-from snakegen.simulation.flight.plan import Plan
+from snakegen.simulation.flight.plan import Plan, frame_targets
 from snakegen.simulation.flight.vibration import bends, elastic_channels
 from snakegen.simulation.flight.world import World
 from snakegen.simulation.recording.clearance import clearances
@@ -50,7 +50,7 @@ def record(
     robot, n = world.robot, flown.ticks
     time = plan.time[:n]
     motion = _motion(world, controller, flown)
-    target = quaternions(np.ascontiguousarray(flown.frame @ plan.rotation[:n]))
+    target = quaternions(np.ascontiguousarray(frame_targets(plan, flown.frame)[0][:n]))
     thrust = thrusts(world, flown)
     gimbals = world.gimbal_joints >= 0
     names = _Names(robot, world)

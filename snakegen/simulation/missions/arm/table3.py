@@ -1,24 +1,30 @@
 """The paper's motion of an arm (ZS24 Table 3): servos, inverse dynamics and the law compared."""
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from snakegen.inverse_kinematics.zs24_table3 import table3
 from snakegen.robot.robot import Robot
-from snakegen.simulation.arm.run import arm_metrics, movable, run_arm, with_defaults
+from snakegen.simulation.arm.run import ArmOptions, arm_metrics, movable, run_arm
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.run_settings import RunSettings
 
-OPTIONS = {
-    "duration": [6.0, "s"],
-    "amplitude": [0.2, "rad"],
-    "period": [2.0, "s"],
-    "gravity": ["0,0,0", "m/s², world; the paper's run is weightless"],
-    "lead": ["law", "what servos get beside the angle: none, speed, or law (speed and torque)"],
-    "friction": [
-        None,
-        "static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own",
-    ],
-}
+
+@dataclass(frozen=True)
+class Options(ArmOptions):
+    """Options of mission `table3`.
+
+    Attributes:
+        duration: s
+        amplitude: rad
+        period: s
+        gravity: m/s², world; the paper's run is weightless
+    """
+
+    duration: float = 6.0
+    amplitude: float = 0.2
+    period: float = 2.0
+    gravity: str = "0,0,0"
 
 
 def applies(robot: Robot) -> bool:
@@ -26,21 +32,12 @@ def applies(robot: Robot) -> bool:
     return movable(robot)
 
 
-def fly(
-    robot: Robot,
-    *,
-    seed: int = 0,
-    ideal: bool = False,
-    options: dict[str, Any] | None = None,
-    progress: Callable[[int, int], Any] | None = None,
-) -> Recording:
+def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Runs 0.2 sin πt, signs + - + - …, on every joint."""
-    given = with_defaults(OPTIONS, options)
-    sizes = {k: float(given[k]) for k in ("amplitude", "period", "duration")}
-    motion = table3(robot, **sizes)
-    return run_arm(
-        robot, motion, mission="table3", seed=seed, ideal=ideal, options=given, progress=progress
+    motion = table3(
+        robot, amplitude=options.amplitude, period=options.period, duration=options.duration
     )
+    return run_arm(robot, motion, mission="table3", options=options, settings=settings)
 
 
 def metrics(recording: Recording) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """An arm's tip along a path: inverse kinematics in closed loop, then the servos."""
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,24 +11,33 @@ from snakegen.errors import MissionError
 from snakegen.inverse_kinematics.motion import Motion, Sampled, checked
 from snakegen.inverse_kinematics.tip_paths import port_of
 from snakegen.robot.robot import Robot
-from snakegen.simulation.arm.run import arm_metrics, movable, run_arm, with_defaults
+from snakegen.simulation.arm.run import ArmGoal, ArmOptions, arm_metrics, movable, run_arm
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.run_settings import RunSettings
 from snakegen.statics.tip import find_tip
 
-OPTIONS = {
-    "path": [None, "CSV of x,y,z [m] from the base origin, a row every dt; or as `reach` has it"],
-    "radius": [0.05, "m, of the circle"],
-    "depth": [0.2, "m, how far the tip goes in through the port"],
-    "duration": [10.0, "s, of the way in or once round the circle"],
-    "dt": [0.01, "s, between rows of the path"],
-    "port": [None, "x,y,z,ax,ay,az,radius: an opening that the body must pass"],
-    "gravity": ["0,0,-9.81", "m/s², world"],
-    "lead": ["law", "what servos get beside the angle: none, speed, or law (speed and torque)"],
-    "friction": [
-        None,
-        "static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own",
-    ],
-}
+
+@dataclass(frozen=True)
+class Options(ArmOptions):
+    """Options of mission `tip_path`.
+
+    Attributes:
+        path: CSV of x,y,z [m] from the base origin, a row every dt; or as `reach` has it
+        radius: m, of the circle
+        depth: m, how far the tip goes in through the port
+        duration: s, of the way in or once round the circle
+        dt: s, between rows of the path
+        port: x,y,z,ax,ay,az,radius: an opening that the body must pass
+    """
+
+    path: str | None = None
+    radius: float = 0.05
+    depth: float = 0.2
+    duration: float = 10.0
+    dt: float = 0.01
+    port: str | None = None
+
+
 MARGIN = 0.005  # rad, kept from the limits: a spline swings a little beyond the samples
 PORT_RATE = 0.5  # rad/s, of joints that make room in the port: half of what servos do
 TIP_BOUND = 1e-3  # m, between tip and path: ten times what the inverse kinematics leaves
@@ -39,30 +48,22 @@ def applies(robot: Robot) -> bool:
     return movable(robot)
 
 
-def fly(
-    robot: Robot,
-    *,
-    seed: int = 0,
-    ideal: bool = False,
-    options: dict[str, Any] | None = None,
-    progress: Callable[[int, int], Any] | None = None,
-) -> Recording:
+def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Solves the path for the joints, then runs them.
 
     Raises:
         MissionError: a path that cannot be followed to its end: how far it gets, and why.
     """
-    given = with_defaults(OPTIONS, options)
-    dt = float(given["dt"])
+    dt = options.dt
     solved = reach.analyze(
         robot,
         robot.configuration(),
-        path=given["path"],
-        radius=float(given["radius"]),
-        depth=float(given["depth"]),
-        duration=float(given["duration"]),
+        path=options.path,
+        radius=options.radius,
+        depth=options.depth,
+        duration=options.duration,
         margin=MARGIN,
-        options=reach.Options(dt, port=port_of(given["port"]), port_rate=PORT_RATE),
+        options=reach.Options(dt, port=port_of(options.port), port_rate=PORT_RATE),
     )
     track = solved.track
     if track is None or not track.complete:
@@ -85,20 +86,20 @@ def fly(
         robot,
         motion,
         mission="tip_path",
-        seed=seed,
-        ideal=ideal,
-        options=given,
-        tip=find_tip(robot),
-        tip_target=lambda when: np.asarray(target(when)),
-        # Where the body begins to make room in a port, joints start at once: the servos' torque
-        # is then right for the motion made, not at once for the one asked for.
-        tip_bound=TIP_BOUND,
-        thresholds={
-            "port_clearance_m": {"at_least": 0.0} if given["port"] else None,
-            "torque_gap_share": None if given["port"] else {"at_most": 0.01},
-        },
-        facts=facts,
-        progress=progress,
+        options=options,
+        settings=settings,
+        goal=ArmGoal(
+            tip=find_tip(robot),
+            target=lambda when: np.asarray(target(when)),
+            # Where the body begins to make room in a port, joints start at once: the servos' torque
+            # is then right for the motion made, not at once for the one asked for.
+            bound=TIP_BOUND,
+            thresholds={
+                "port_clearance_m": {"at_least": 0.0} if options.port else None,
+                "torque_gap_share": None if options.port else {"at_most": 0.01},
+            },
+            facts=facts,
+        ),
     )
 
 

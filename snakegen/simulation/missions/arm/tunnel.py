@@ -1,6 +1,6 @@
 """Lead an arm's whole body into a hole by its servos, folding outside (beyond ZS24)."""
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,25 +14,34 @@ from snakegen.inverse_kinematics.hole import Hole
 from snakegen.inverse_kinematics.motion import Motion, Sampled, checked
 from snakegen.inverse_kinematics.path_following import chain_of
 from snakegen.robot.robot import Robot, from_urdf_text
-from snakegen.simulation.arm.run import arm_metrics, movable, run_arm, with_defaults
+from snakegen.simulation.arm.run import ArmGoal, ArmOptions, arm_metrics, movable, run_arm
 from snakegen.simulation.flight.plan import quintic
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.run_settings import RunSettings
 from snakegen.statics.tip import find_tip
 
-OPTIONS = {
-    "path": [None, "CSV of x,y,z [m] from the base origin: the hole's centreline, mouth first"],
-    "mouth": ["1.25,0.08,0.08", "x,y,z of a straight hole's mouth, m, in place of a path"],
-    "inwards": ["1,0,0", "direction of that hole"],
-    "depth": [0.3, "m, of that hole"],
-    "room": [0.01, "m, that the body's line may be off the centreline"],
-    "duration": [20.0, "s, of the way in"],
-    "gravity": ["0,0,-9.81", "m/s², world"],
-    "lead": ["law", "what servos get beside the angle: none, speed, or law (speed and torque)"],
-    "friction": [
-        None,
-        "static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own",
-    ],
-}
+
+@dataclass(frozen=True)
+class Options(ArmOptions):
+    """Options of mission `tunnel`.
+
+    Attributes:
+        path: CSV of x,y,z [m] from the base origin: the hole's centreline, mouth first
+        mouth: x,y,z of a straight hole's mouth, m, in place of a path
+        inwards: direction of that hole
+        depth: m, of that hole
+        room: m, that the body's line may be off the centreline
+        duration: s, of the way in
+    """
+
+    path: str | None = None
+    mouth: str = "1.25,0.08,0.08"
+    inwards: str = "1,0,0"
+    depth: float = 0.3
+    room: float = 0.01
+    duration: float = 20.0
+
+
 MARGIN = 0.005  # rad, kept from the limits: a spline swings a little beyond the samples
 TIP_BOUND = 1e-3  # m, between tip and centreline
 
@@ -42,31 +51,23 @@ def applies(robot: Robot) -> bool:
     return movable(robot)
 
 
-def fly(
-    robot: Robot,
-    *,
-    seed: int = 0,
-    ideal: bool = False,
-    options: dict[str, Any] | None = None,
-    progress: Callable[[int, int], Any] | None = None,
-) -> Recording:
+def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Solves the way in, then runs it.
 
     Raises:
         MissionError: a hole that cannot be entered to its end: how deep it gets, and why.
     """
-    given = with_defaults(OPTIONS, options)
-    duration = float(given["duration"])
+    duration = options.duration
     if not duration > 0:
         raise MissionError(f"duration {duration:g} s: more than 0 is needed.")
     solved = tunnel.analyze(
         robot,
         robot.configuration(),
-        path=given["path"],
-        mouth=given["mouth"],
-        inwards=given["inwards"],
-        depth=float(given["depth"]),
-        room=float(given["room"]),
+        path=options.path,
+        mouth=options.mouth,
+        inwards=options.inwards,
+        depth=options.depth,
+        room=options.room,
         margin=MARGIN,
     )
     if not solved.complete:
@@ -87,21 +88,19 @@ def fly(
         robot,
         checked(robot, Motion("tunnel", solved.joints, duration, at)),
         mission="tunnel",
-        seed=seed,
-        ideal=ideal,
-        options=given,
-        tip=find_tip(robot),
-        tip_target=target,
-        tip_bound=TIP_BOUND,
-        thresholds={
-            "body_off_max_m": {"at_most": float(given["room"])},
-        },
-        facts={
-            "centreline_m": hole.points.tolist(),
-            "room_m": hole.room,
-            "planned_body_off_max_m": float(entry.between),
-        },
-        progress=progress,
+        options=options,
+        settings=settings,
+        goal=ArmGoal(
+            tip=find_tip(robot),
+            target=target,
+            bound=TIP_BOUND,
+            thresholds={"body_off_max_m": {"at_most": options.room}},
+            facts={
+                "centreline_m": hole.points.tolist(),
+                "room_m": hole.room,
+                "planned_body_off_max_m": float(entry.between),
+            },
+        ),
     )
 
 

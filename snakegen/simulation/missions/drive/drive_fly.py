@@ -1,5 +1,6 @@
 """Drive over the ground, take off where the drive ends, hover: a hybrid of drums and rotors."""
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,10 @@ from snakegen.control.controller import flight_controller, gain_set
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.robot.posture import hover_gimbals
 from snakegen.robot.robot import Robot
-from snakegen.simulation.drive.plan import COMMON, DrivePlan, can_drive, curled
+from snakegen.simulation.drive.plan import DriveLaw, DrivePlan, can_drive, curled
 from snakegen.simulation.drive.record import DRIVE_THRESHOLDS, drive
 from snakegen.simulation.flight.plan import Plan, holding, through, ticks
+from snakegen.simulation.flight.plan import level as level_attitude
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.postures import driven_joints
 from snakegen.simulation.recording.join import join
@@ -19,16 +21,28 @@ from snakegen.simulation.recording.metrics import metrics as measure
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS
 from snakegen.simulation.recording.worst_place import judged_verdict
+from snakegen.simulation.run_settings import RunSettings
 
-OPTIONS: dict[str, list[Any]] = {
-    k: v for k, v in COMMON.items() if k not in ("plant", "duration")
-} | {
-    "distance": [0.6, "m, driven"],
-    "bend": [0.8, "rad, of every yaw joint: a straight body could not fly"],
-    "height": [1.0, "m, that the CoG climbs"],
-    "climb": [5.0, "s, of the climb"],
-    "hover": [2.0, "s, at the top"],
-}
+
+@dataclass(frozen=True)
+class Options(DriveLaw):
+    """Options of mission `drive_fly`.
+
+    Attributes:
+        distance: m, driven
+        bend: rad, of every yaw joint: a straight body could not fly
+        height: m, that the CoG climbs
+        climb: s, of the climb
+        hover: s, at the top
+    """
+
+    distance: float = 0.6
+    bend: float = 0.8
+    height: float = 1.0
+    climb: float = 5.0
+    hover: float = 2.0
+
+
 _IDLE = 0.5  # s on the ground before the climb
 
 
@@ -37,36 +51,40 @@ def applies(robot: Robot) -> bool:
     return can_drive(robot) and bool(robot.modules.apparatuses)
 
 
-def fly(
-    robot: Robot, *, seed: int, ideal: bool, options: dict[str, Any], progress: Any
-) -> Recording:
+def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Drives, flies on from where the drive ended, and returns both as one judged recording."""
     from snakegen.simulation.flight.preflight import check_start
     from snakegen.simulation.flight.run import Ready
 
-    o = {k: v[0] for k, v in OPTIONS.items()} | options
-    reference = curled(robot, o["distance"], o["speed"], o["acceleration"], o["bend"])
+    reference = curled(robot, options.distance, options.speed, options.acceleration, options.bend)
     plan = DrivePlan(
         reference,
         reference.at(0.0)[0],
         reference.duration + 1.0,
-        o["gain"],
-        o["feedback"],
+        options.gain,
+        options.feedback,
         events=((0.0, "drive; position is the head's"),),
     )
-    driven = drive(robot, "drive_fly", plan, seed=seed, ideal=ideal)
+    driven = drive(robot, "drive_fly", plan, settings=replace(settings, progress=None))
     imperfections = Imperfections.of(robot.modules.plant)
-    imperfections = imperfections.ideal() if ideal else imperfections
+    imperfections = imperfections.ideal() if settings.ideal else imperfections
     control = robot.modules.control
-    climb = _climb(robot, driven.channel("q").values[-1], o, control)
+    climb = _climb(robot, driven.channel("q").values[-1], options, control)
     controller = flight_controller(robot, gain_set(robot, None))
     check_start(robot, controller, climb)
-    meta = {"mission": "drive_fly", "mode": "drive, then flight", "ideal": ideal, "options": o}
+    meta = {
+        "mission": "drive_fly",
+        "mode": "drive, then flight",
+        "ideal": settings.ideal,
+        "options": vars(options),
+    }
     meta |= {"gains": str(control.get("gains", "")), "allocator": "paper"}
     rate = float(control.get("position_rate", 40.0))
     ready = Ready(robot, climb, controller, imperfections, rate, meta)
-    rng = np.random.default_rng(seed)
-    flown = ready.flown(ready.world(), imperfections, rng, seed, progress, margins=False)
+    rng = np.random.default_rng(settings.seed)
+    flown = ready.flown(
+        ready.world(), imperfections, rng, settings.seed, settings.progress, margins=False
+    )
     both = join(driven, flown)
     found = measure(both) | {"completed": not flown.meta["stopped"] and not driven.meta["stopped"]}
     # banking for a step aside is flight, not rolling over
@@ -74,7 +92,7 @@ def fly(
     return both.judged(found, judged_verdict(both, found, bounds))
 
 
-def _climb(robot: Robot, q: Floats, o: dict[str, Any], control: dict[str, Any]) -> Plan:
+def _climb(robot: Robot, q: Floats, options: Options, control: dict[str, Any]) -> Plan:
     """Returns the flight's plan: from rest in q straight up, then hover; gimbals point up first."""
     base = rotation_from_xyzw(q[3:7])
     level = q.copy()
@@ -84,9 +102,9 @@ def _climb(robot: Robot, q: Floats, o: dict[str, Any], control: dict[str, Any]) 
     pose = forward(robot.tree, *robot.base_pose(start), angles)
     _, cog = centre_of_gravity(robot.tree, *pose)
     joints = [angles[robot.joint_names.index(n)] for n in driven_joints(robot)]
-    time = ticks(_IDLE + o["climb"] + o["hover"], float(control.get("attitude_rate", 200.0)))
-    path = np.array([cog, cog, cog + np.array([0.0, 0.0, o["height"]])])
-    position, velocity, acceleration = through(time, [0.0, _IDLE, _IDLE + o["climb"]], path)
+    time = ticks(_IDLE + options.climb + options.hover, float(control.get("attitude_rate", 200.0)))
+    path = np.array([cog, cog, cog + np.array([0.0, 0.0, options.height])])
+    position, velocity, acceleration = through(time, [0.0, _IDLE, _IDLE + options.climb], path)
     return holding(
         time,
         joints,
@@ -95,6 +113,7 @@ def _climb(robot: Robot, q: Floats, o: dict[str, Any], control: dict[str, Any]) 
         position=position,
         velocity=velocity,
         acceleration=acceleration,
+        rotation=level_attitude(len(time))[0],
         on_floor=True,
         events=((0.0, "fly; position is the CoG's"), (_IDLE, "climb")),
     )

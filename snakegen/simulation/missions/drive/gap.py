@@ -4,20 +4,31 @@ A snake that undulates needs room beside it; drums do not. Wheels that touch wal
 there too: straight ahead, their no-slip conditions are those of the ground.
 """
 
-from typing import Any
+from dataclasses import dataclass, replace
 
 from snakegen.robot.robot import Robot
-from snakegen.simulation.drive.plan import COMMON, DrivePlan, can_drive, following, lasting
+from snakegen.simulation.drive.plan import DriveOptions, DrivePlan, can_drive, following, lasting
 from snakegen.simulation.drive.record import PASSAGE, beside_open_ground, drive
 from snakegen.simulation.obstacles import duct
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.run_settings import RunSettings
 
-OPTIONS: dict[str, list[Any]] = COMMON | {
-    "side": [0.0, "m, room on each side of the drums"],
-    "above": [-0.0005, "m, room over the drums; less than 0: the ceiling presses on them"],
-    "entry": [0.25, "m ahead of the head, where the duct begins"],
-    "length": [1.2, "m, of the duct"],
-}
+
+@dataclass(frozen=True)
+class Options(DriveOptions):
+    """Options of mission `gap`.
+
+    Attributes:
+        side: m, room on each side of the drums
+        above: m, room over the drums; less than 0: the ceiling presses on them
+        entry: m ahead of the head, where the duct begins
+        length: m, of the duct
+    """
+
+    side: float = 0.0
+    above: float = -0.0005
+    entry: float = 0.25
+    length: float = 1.2
 
 
 def applies(robot: Robot) -> bool:
@@ -25,29 +36,28 @@ def applies(robot: Robot) -> bool:
     return can_drive(robot)
 
 
-def fly(
-    robot: Robot, *, seed: int, ideal: bool, options: dict[str, Any], progress: Any
-) -> Recording:
+def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Drives open ground first, then the duct, and returns the judged recording of the latter."""
-    o = {k: v[0] for k, v in OPTIONS.items()} | options
     body = sum(robot.modules.lengths.values())
-    path = [("line", o["entry"] + o["length"] + body + 0.1)]
-    reference = following(robot, path, o["speed"], o["acceleration"])
-    width = 2.0 * (robot.modules.screws[0].radius + o["side"])
-    height = 2.0 * robot.modules.screws[0].radius + o["above"]
-    span = (o["entry"], o["entry"] + o["length"])
+    path = [("line", options.entry + options.length + body + 0.1)]
+    reference = following(robot, path, options.speed, options.acceleration)
+    width = 2.0 * (robot.modules.screws[0].radius + options.side)
+    height = 2.0 * robot.modules.screws[0].radius + options.above
+    span = (options.entry, options.entry + options.length)
     plan = DrivePlan(
         reference,
         reference.at(0.0)[0],
-        lasting(o, reference.duration + 1.0),
-        o["gain"],
-        o["feedback"],
+        lasting(options, reference.duration + 1.0),
+        options.gain,
+        options.feedback,
         obstacles=duct(span, width, height),
         events=((0.0, f"a duct {width:.3f} m wide and {height:.3f} m high lies ahead"),),
         facts={"width_m": width, "height_m": height},
         thresholds=PASSAGE | {"distance_end_m": {"at_most": 0.01}},
     )
-    how: dict[str, Any] = {"plant": o["plant"], "seed": seed, "ideal": ideal}
     open_plan = DrivePlan(reference, plan.start, plan.duration, plan.gain, plan.feedback)
-    free = drive(robot, "gap", open_plan, **how).metrics
-    return drive(robot, "gap", plan, progress=progress, more=beside_open_ground(free), **how)
+    quiet = replace(settings, progress=None)
+    free = drive(robot, "gap", open_plan, plant=options.plant, settings=quiet).metrics
+    return drive(
+        robot, "gap", plan, plant=options.plant, settings=settings, more=beside_open_ground(free)
+    )

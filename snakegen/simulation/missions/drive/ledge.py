@@ -7,25 +7,39 @@ as low as the ground under them allows, the body as little bent as that leaves r
 """
 
 import math
-from typing import Any
+from dataclasses import dataclass
 
 from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
 from snakegen.screw_drive.geometry import drive_geometry, yaw_joints
 from snakegen.simulation.drive.gait import Pace, crossing
-from snakegen.simulation.drive.plan import COMMON, DrivePlan, can_drive, lasting
+from snakegen.simulation.drive.plan import DriveOptions, DrivePlan, can_drive, lasting
 from snakegen.simulation.drive.record import PASSAGE, drive
 from snakegen.simulation.drive.run import pitch_joints
 from snakegen.simulation.obstacles import ledge
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.run_settings import RunSettings
 
-OPTIONS: dict[str, list[Any]] = COMMON | {
-    "height": [0.03, "m, of the ledge"],
-    "length": [1.2, "m, of the ledge"],
-    "lift": [True, "false: pitch joints stay at 0"],
-    "compliance": [1.0, "1; pitch servos are softer by this factor"],
-    "speed": [0.1, "m/s"],
-}
+
+@dataclass(frozen=True)
+class Options(DriveOptions):
+    """Options of mission `ledge`.
+
+    Attributes:
+        height: m, of the ledge
+        length: m, of the ledge
+        lift: false: pitch joints stay at 0
+        compliance: 1; pitch servos are softer by this factor
+        speed: m/s
+    """
+
+    height: float = 0.03
+    length: float = 1.2
+    lift: bool = True
+    compliance: float = 1.0
+    speed: float = 0.1
+
+
 _AHEAD = 0.4  # m, from the foremost drum to the edge
 
 
@@ -36,22 +50,19 @@ def applies(robot: Robot) -> bool:
     return len(pitch_joints(robot)) == len(drive_geometry(robot).lengths) - 1
 
 
-def fly(
-    robot: Robot, *, seed: int, ideal: bool, options: dict[str, Any], progress: Any
-) -> Recording:
+def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Drives over the ledge and returns the judged recording."""
-    o = {k: v[0] for k, v in OPTIONS.items()} | options
-    if not (o["height"] > 0 and o["length"] > 0 and o["speed"] > 0):
+    if not (options.height > 0 and options.length > 0 and options.speed > 0):
         raise MissionError("ledge needs height, length and speed above 0.")
     lengths = drive_geometry(robot).lengths
-    if o["length"] < sum(lengths):
+    if options.length < sum(lengths):
         raise MissionError(
-            f"a ledge {o['length']:g} m long is shorter than the body, {sum(lengths):.3f} m: two "
-            "drums would be lifted at a time."
+            f"a ledge {options.length:g} m long is shorter than the body, {sum(lengths):.3f} m: "
+            "two drums would be lifted at a time."
         )
-    edges = (_AHEAD, _AHEAD + o["length"])
-    pace = Pace(o["speed"], o["acceleration"])
-    gait = crossing(robot, edges, o["height"], pace, _AHEAD)
+    edges = (_AHEAD, _AHEAD + options.length)
+    pace = Pace(options.speed, options.acceleration)
+    gait = crossing(robot, edges, options.height, pace, _AHEAD)
     pitch, yaw = gait.steepest
     for kind, names, most in (
         ("pitch", pitch_joints(robot), pitch),
@@ -61,20 +72,20 @@ def fly(
         limit = min(float(-low.max()), float(high.min()))
         if most > limit:
             raise MissionError(
-                f"a ledge of {o['height']:g} m bends the {kind} joints to "
+                f"a ledge of {options.height:g} m bends the {kind} joints to "
                 f"{math.degrees(most):.1f}°; they turn {math.degrees(limit):.1f}°."
             )
     plan = DrivePlan(
         gait,
         gait.at(0.0)[0],
-        lasting(o, gait.duration + 1.0),
-        o["gain"],
-        o["feedback"],
-        lift=gait.lift if o["lift"] else None,
-        compliance=o["compliance"],
-        obstacles=ledge(edges, 1.0, o["height"]),
-        events=((0.0, f"a ledge of {1e3 * o['height']:.0f} mm, {_AHEAD:g} m ahead"),),
-        facts={"ledge_m": o["height"], "pitch_max_rad": pitch},
+        lasting(options, gait.duration + 1.0),
+        options.gain,
+        options.feedback,
+        lift=gait.lift if options.lift else None,
+        compliance=options.compliance,
+        obstacles=ledge(edges, 1.0, options.height),
+        events=((0.0, f"a ledge of {1e3 * options.height:.0f} mm, {_AHEAD:g} m ahead"),),
+        facts={"ledge_m": options.height, "pitch_max_rad": pitch},
         thresholds=PASSAGE
         | {
             "distance_rmse_m": {"at_most": 0.1},
@@ -84,5 +95,4 @@ def fly(
             "tilt_max_rad": {"at_most": 0.5},
         },
     )
-    how = {"plant": o["plant"], "seed": seed, "ideal": ideal, "progress": progress}
-    return drive(robot, "ledge", plan, **how)
+    return drive(robot, "ledge", plan, plant=options.plant, settings=settings)

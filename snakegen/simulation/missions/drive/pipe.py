@@ -5,25 +5,36 @@ that touches anywhere rolls along as the ground does.
 """
 
 import math
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
-from snakegen.simulation.drive.plan import COMMON, DrivePlan, can_drive, following, lasting
+from snakegen.simulation.drive.plan import DriveOptions, DrivePlan, can_drive, following, lasting
 from snakegen.simulation.drive.record import PASSAGE, beside_open_ground, drive
 from snakegen.simulation.obstacles import pipe
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.run_settings import RunSettings
 
-OPTIONS: dict[str, list[Any]] = COMMON | {
-    "room": [0.001, "m, between drums and pipe all round; less than 0: the pipe presses on them"],
-    "staves": [16, "1, flats that make the pipe's section; the lowest is the ground"],
-    "entry": [0.25, "m ahead of the head, where the pipe begins"],
-    "length": [1.2, "m, of the pipe"],
-    "fit": [True, "casters too wide for the pipe get the widest track that fits; false: refuse"],
-}
+
+@dataclass(frozen=True)
+class Options(DriveOptions):
+    """Options of mission `pipe`.
+
+    Attributes:
+        room: m, between drums and pipe all round; less than 0: the pipe presses on them
+        staves: 1, flats that make the pipe's section; the lowest is the ground
+        entry: m ahead of the head, where the pipe begins
+        length: m, of the pipe
+        fit: casters too wide for the pipe get the widest track that fits; false: refuse
+    """
+
+    room: float = 0.001
+    staves: int = 16
+    entry: float = 0.25
+    length: float = 1.2
+    fit: bool = True
 
 
 def applies(robot: Robot) -> bool:
@@ -60,32 +71,29 @@ def fitted(robot: Robot, radius: float, room: float, staves: int, fit: bool) -> 
     return replace(robot, modules=replace(robot.modules, casters=tuple(casters)))
 
 
-def fly(
-    robot: Robot, *, seed: int, ideal: bool, options: dict[str, Any], progress: Any
-) -> Recording:
+def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Drives open ground first, then the pipe, and returns the judged recording of the latter."""
-    o = {k: v[0] for k, v in OPTIONS.items()} | options
     drum = robot.modules.screws[0].radius
-    radius, staves = drum + o["room"], o["staves"]
-    if not (radius > 0.9 * drum and o["length"] > 0):
+    radius, staves = drum + options.room, options.staves
+    if not (radius > 0.9 * drum and options.length > 0):
         raise MissionError("pipe needs a length above 0 and at least 0.9 of the drums' radius.")
     if not (isinstance(staves, int) and 6 <= staves <= 64):
         raise MissionError(f"staves = {staves}: a pipe is made of 6 to 64.")
     tracks = [caster.track for caster in robot.modules.casters]
-    robot = fitted(robot, radius, o["room"], staves, o["fit"])
+    robot = fitted(robot, radius, options.room, staves, options.fit)
     narrow = [c for c, was in zip(robot.modules.casters, tracks, strict=True) if c.track < was]
     told = [f"a pipe {2 * radius:.3f} m wide inside lies ahead"]
     told += [f"{c.link}: balls {c.track:g} m apart, to fit the pipe" for c in narrow]
     body = sum(robot.modules.lengths.values())
-    path = [("line", o["entry"] + o["length"] + body + 0.1)]
-    reference = following(robot, path, o["speed"], o["acceleration"])
+    path = [("line", options.entry + options.length + body + 0.1)]
+    reference = following(robot, path, options.speed, options.acceleration)
     plan = DrivePlan(
         reference,
         reference.at(0.0)[0],
-        lasting(o, reference.duration + 1.0),
-        o["gain"],
-        o["feedback"],
-        obstacles=pipe((o["entry"], o["entry"] + o["length"]), radius, staves),
+        lasting(options, reference.duration + 1.0),
+        options.gain,
+        options.feedback,
+        obstacles=pipe((options.entry, options.entry + options.length), radius, staves),
         events=tuple((0.0, text) for text in told),
         facts={
             "pipe_diameter_m": 2.0 * radius,
@@ -94,7 +102,9 @@ def fly(
         },
         thresholds=PASSAGE | {"distance_end_m": {"at_most": 0.01}},
     )
-    how: dict[str, Any] = {"plant": o["plant"], "seed": seed, "ideal": ideal}
     open_plan = DrivePlan(reference, plan.start, plan.duration, plan.gain, plan.feedback)
-    free = drive(robot, "pipe", open_plan, **how).metrics
-    return drive(robot, "pipe", plan, progress=progress, more=beside_open_ground(free), **how)
+    quiet = replace(settings, progress=None)
+    free = drive(robot, "pipe", open_plan, plant=options.plant, settings=quiet).metrics
+    return drive(
+        robot, "pipe", plan, plant=options.plant, settings=settings, more=beside_open_ground(free)
+    )

@@ -1,23 +1,37 @@
 """Drive over rough ground: tiles of random heights, drawn from the seed."""
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
-from snakegen.simulation.drive.plan import COMMON, DrivePlan, can_drive, curled, lasting
+from snakegen.simulation.drive.plan import DriveOptions, DrivePlan, can_drive, curled, lasting
 from snakegen.simulation.drive.record import PASSAGE, drive
 from snakegen.simulation.obstacles import tiles
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.run_settings import RunSettings
 
-OPTIONS: dict[str, list[Any]] = COMMON | {
-    "height": [0.006, "m, of the highest tile; half of a wheel's radius: two of ten stick at 8 mm"],
-    "size": [0.1, "m, of a tile"],
-    "length": [1.2, "m, of the rough stretch"],
-    "compliance": [10.0, "1; pitch servos are softer by this factor"],
-    "bend": [0.5, "rad, of every yaw joint: a curled body stands firmer"],
-}
+
+@dataclass(frozen=True)
+class Options(DriveOptions):
+    """Options of mission `rough`.
+
+    Attributes:
+        height: m, of the highest tile; half of a wheel's radius: two of ten stick at 8 mm
+        size: m, of a tile
+        length: m, of the rough stretch
+        compliance: 1; pitch servos are softer by this factor
+        bend: rad, of every yaw joint: a curled body stands firmer
+    """
+
+    height: float = 0.006
+    size: float = 0.1
+    length: float = 1.2
+    compliance: float = 10.0
+    bend: float = 0.5
+
+
 _AHEAD = 0.2  # m, from the head to the first tile
 _WIDE = 0.6  # m, of the rough stretch
 _CATCH_UP = 6.0  # s after the reference has ended: three time constants of the default gain
@@ -28,28 +42,29 @@ def applies(robot: Robot) -> bool:
     return can_drive(robot)
 
 
-def fly(
-    robot: Robot, *, seed: int, ideal: bool, options: dict[str, Any], progress: Any
-) -> Recording:
+def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Drives a line over the tiles and returns the judged recording."""
-    o = {k: v[0] for k, v in OPTIONS.items()} | options
-    if not (o["height"] > 0 and o["size"] > 0 and o["length"] >= o["size"]):
+    if not (options.height > 0 and options.size > 0 and options.length >= options.size):
         raise MissionError("rough needs height, size and length above 0, length at least a tile.")
-    way = _AHEAD + o["length"]
-    reference = curled(robot, way, o["speed"], o["acceleration"], o["bend"])
+    way = _AHEAD + options.length
+    reference = curled(robot, way, options.speed, options.acceleration, options.bend)
     ground = tiles(
-        (_AHEAD, _AHEAD + o["length"]), _WIDE, o["size"], o["height"], np.random.default_rng(seed)
+        (_AHEAD, _AHEAD + options.length),
+        _WIDE,
+        options.size,
+        options.height,
+        np.random.default_rng(settings.seed),
     )
     plan = DrivePlan(
         reference,
         reference.at(0.0)[0],
-        lasting(o, reference.duration + _CATCH_UP),
-        o["gain"],
-        o["feedback"],
-        compliance=o["compliance"],
+        lasting(options, reference.duration + _CATCH_UP),
+        options.gain,
+        options.feedback,
+        compliance=options.compliance,
         obstacles=ground,
-        events=((0.0, f"{len(ground)} tiles up to {1e3 * o['height']:.0f} mm ahead"),),
-        facts={"tile_height_m": o["height"], "tile_size_m": o["size"]},
+        events=((0.0, f"{len(ground)} tiles up to {1e3 * options.height:.0f} mm ahead"),),
+        facts={"tile_height_m": options.height, "tile_size_m": options.size},
         thresholds=PASSAGE
         | {
             "distance_rmse_m": {"at_most": 0.12},
@@ -58,5 +73,4 @@ def fly(
             "slip_mean_m_s": {"at_most": 0.05},
         },
     )
-    how = {"plant": o["plant"], "seed": seed, "ideal": ideal, "progress": progress}
-    return drive(robot, "rough", plan, **how)
+    return drive(robot, "rough", plan, plant=options.plant, settings=settings)

@@ -1,18 +1,27 @@
 """Drive round a square with heading and shape held, sideways too (HA section V, Fig 11)."""
 
-from typing import Any
+from dataclasses import dataclass
 
 from snakegen.robot.robot import Robot
 from snakegen.screw_drive.geometry import yaw_joints
 from snakegen.screw_drive.ground_paths import square
-from snakegen.simulation.drive.plan import COMMON, DrivePlan, can_drive, lasting, time_law
+from snakegen.simulation.drive.plan import DriveOptions, DrivePlan, can_drive, lasting, time_law
 from snakegen.simulation.drive.record import drive
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.run_settings import RunSettings
 
-OPTIONS: dict[str, list[Any]] = COMMON | {
-    "side": [1.2, "m"],
-    "speed": [0.2, "m/s"],
-}
+
+@dataclass(frozen=True)
+class Options(DriveOptions):
+    """Options of mission `square`.
+
+    Attributes:
+        side: m
+        speed: m/s
+    """
+
+    side: float = 1.2
+    speed: float = 0.2
 
 
 def applies(robot: Robot) -> bool:
@@ -20,23 +29,19 @@ def applies(robot: Robot) -> bool:
     return can_drive(robot)
 
 
-def fly(
-    robot: Robot, *, seed: int, ideal: bool, options: dict[str, Any], progress: Any
-) -> Recording:
+def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Drives the mission and returns the judged recording; position is fed back, shape is not."""
-    o = {k: v[0] for k, v in OPTIONS.items()} | options
-    law = time_law(o["side"], o["speed"], o["acceleration"])
+    law = time_law(options.side, options.speed, options.acceleration)
     joints = len(yaw_joints(robot))
-    reference = square(o["side"], law.speed, law.acceleration, joints)
-    k = float(o["gain"])
+    reference = square(options.side, law.speed, law.acceleration, joints)
+    k = float(options.gain)
     plan = DrivePlan(
         reference,
         reference.at(0.0)[0],
-        lasting(o, reference.duration + 1.0),
+        lasting(options, reference.duration + 1.0),
         (k, k, k, *[0.0] * joints),
-        o["feedback"],
+        options.feedback,
         events=tuple((i * law.duration, f"corner {i}") for i in range(1, 5)),
         thresholds={"distance_rmse_m": {"at_most": 0.012}},
     )
-    how = {"plant": o["plant"], "seed": seed, "ideal": ideal, "progress": progress}
-    return drive(robot, "square", plan, **how)
+    return drive(robot, "square", plan, plant=options.plant, settings=settings)

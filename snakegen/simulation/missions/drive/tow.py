@@ -3,6 +3,8 @@
 The pull at which it lets go, over the one that `analyze traction` predicts, is the run's `ratio`.
 """
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from snakegen.robot.robot import Robot
@@ -15,17 +17,31 @@ from snakegen.simulation.drive.load import (
     load_thresholds,
     ramp,
 )
-from snakegen.simulation.drive.plan import can_drive, check_figure, choice, held_plan
+from snakegen.simulation.drive.plan import can_drive, check_figure, choice, held_plan, held_posture
 from snakegen.simulation.drive.record import drive
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.run_settings import RunSettings
 
-OPTIONS: dict[str, list[Any]] = {
-    "towards": ["back", "back, ahead, left or right: where the pull is directed"],
-    "posture": [None, "posture file; straight by default"],
-    "until": [1.5, "times the predicted pull, where the ramp ends"],
-    "slow": [24.0, "s, from 0.6 of the prediction to the end"],
-    "gain": [0.5, "1/s, K of HA eq 7, with which it holds its place"],
-}
+
+@dataclass(frozen=True)
+class Options:
+    """Options of mission `tow`.
+
+    Attributes:
+        towards: back, ahead, left or right: where the pull is directed
+        posture: posture file; straight by default
+        until: times the predicted pull, where the ramp ends
+        slow: s, from 0.6 of the prediction to the end
+        gain: 1/s, K of HA eq 7, with which it holds its place
+    """
+
+    towards: str = "back"
+    posture: Mapping[str, Any] | None = None
+    until: float = 1.5
+    slow: float = 24.0
+    gain: float = 0.5
+
+
 _SIDES = {"back": "nose_up", "ahead": "nose_down", "left": "left_down", "right": "right_down"}
 
 
@@ -34,23 +50,19 @@ def applies(robot: Robot) -> bool:
     return can_drive(robot)
 
 
-def fly(
-    robot: Robot, *, seed: int, ideal: bool, options: dict[str, Any], progress: Any
-) -> Recording:
+def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Pulls at the end of the last link and returns the judged recording."""
-    o = {k: v[0] for k, v in OPTIONS.items()} | options
-    towards = choice(o["towards"], tuple(_SIDES), "towards")
-    q = robot.configuration(o["posture"] or {})
+    towards = choice(options.towards, tuple(_SIDES), "towards")
+    q = held_posture(robot, options.posture)
     body = stance(robot, q)
     direction = downhill(body, _SIDES[towards])
     held = largest_pull(body, direction, min(s.friction for s in robot.modules.screws))
     check_figure(robot, held.value, f"pull {towards}")
     link, length = list(robot.modules.lengths.items())[-1]
-    time, value = ramp(held.value, o["until"], o["slow"])
+    time, value = ramp(held.value, options.until, options.slow)
     load = GroundLoad("tow", direction, time, value, link, (length, 0.0, 0.0))
-    plan = held_plan(robot, q, load, o["gain"], load_thresholds(held), load_facts(load, held))
-    how = {"seed": seed, "ideal": ideal, "progress": progress}
-    return drive(robot, "tow", plan, **how)
+    plan = held_plan(robot, q, load, options.gain, load_thresholds(held), load_facts(load, held))
+    return drive(robot, "tow", plan, settings=settings)
 
 
 def metrics(recording: Recording) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Lose a rotor or an apparatus in flight: detected after a delay, flown without it from then on."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -7,18 +8,32 @@ import numpy as np
 from snakegen.errors import MissionError, near
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.plan import Failure, Plan, holding, ticks
-from snakegen.simulation.flight.postures import place, resting_joints
-from snakegen.simulation.flight.trim import OPTION as TRIM
+from snakegen.simulation.flight.postures import (
+    PostureOption,
+    place,
+    resting_attitude,
+    resting_joints,
+)
+from snakegen.simulation.flight.trim import TrimOption
 
-OPTIONS = {
-    "lost": ["apparatus2", "rotor by its link's name, or apparatus by its number"],
-    "at": [3.0, "s, when it stops"],
-    "delay": [0.1, "s, until the controller knows"],
-    "duration": [10.0, "s"],
-    "height": [2.0, "m, of the CoG"],
-    "posture": [None, "posture file; a bent body by default"],
-    "trim": TRIM,
-}
+
+@dataclass(frozen=True)
+class Options(PostureOption, TrimOption):
+    """Options of mission `fail`.
+
+    Attributes:
+        lost: rotor by its link's name, or apparatus by its number
+        at: s, when it stops
+        delay: s, until the controller knows
+        duration: s
+        height: m, of the CoG
+    """
+
+    lost: str = "apparatus2"
+    at: float = 3.0
+    delay: float = 0.1
+    duration: float = 10.0
+    height: float = 2.0
 
 
 def applies(robot: Robot) -> bool:
@@ -26,40 +41,37 @@ def applies(robot: Robot) -> bool:
     return robot.floating and len(robot.rotors.body) > 1
 
 
-def plan(
-    robot: Robot,
-    rate: float,
-    *,
-    lost: str = "apparatus2",
-    at: float = 3.0,
-    delay: float = 0.1,
-    duration: float = 10.0,
-    height: float = 2.0,
-    posture: dict[str, Any] | None = None,
-) -> Plan:
+def plan(robot: Robot, rate: float, options: Options) -> Plan:
     """Returns the plan: hover through the failure. Its facts hold the margin that is left."""
-    rotors = rotors_named(robot, lost)
-    if delay < 0:
-        raise MissionError(f"delay {delay:g} s: a failure cannot be known before it happens.")
-    if not at >= 0.0:
-        raise MissionError(f"at {at:g} s: the flight begins at 0.")
-    if not at + delay < duration:
+    rotors = rotors_named(robot, options.lost)
+    if options.delay < 0:
         raise MissionError(
-            f"duration {duration:g} s: more than {at + delay:g} is needed, when the loss is known."
+            f"delay {options.delay:g} s: a failure cannot be known before it happens."
         )
-    joints = resting_joints(robot, posture)
-    cog = np.array([0.0, 0.0, height])
-    start = place(robot, joints, cog)
+    if not options.at >= 0.0:
+        raise MissionError(f"at {options.at:g} s: the flight begins at 0.")
+    if not options.at + options.delay < options.duration:
+        raise MissionError(
+            f"duration {options.duration:g} s: more than {options.at + options.delay:g} is needed, "
+            "when the loss is known."
+        )
+    joints = resting_joints(robot, options.posture)
+    attitude = resting_attitude(robot, options.posture, "fail")
+    cog = np.array([0.0, 0.0, options.height])
+    start = place(robot, joints, cog, attitude)
     left = margin_without(robot, start, rotors)
     word = "can still hover level" if left >= 0 else "cannot hover level"
     return holding(
-        ticks(duration, rate),
+        ticks(options.duration, rate),
         joints,
         start,
         cog,
-        failures=(Failure(at, at + delay, rotors),),
-        events=((at, f"{lost} lost"), (at + delay, f"the controller knows; the robot {word}")),
-        facts={"lost": lost, "predicted_wrench_margin": left},
+        failures=(Failure(options.at, options.at + options.delay, rotors),),
+        events=(
+            (options.at, f"{options.lost} lost"),
+            (options.at + options.delay, f"the controller knows; the robot {word}"),
+        ),
+        facts={"lost": options.lost, "predicted_wrench_margin": left},
         thresholds={
             "position_max_m": {"at_most": 1.0},
             # rotors that stand still are at their lower limit

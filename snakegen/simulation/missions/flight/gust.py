@@ -1,5 +1,6 @@
 """Hover in a gust: wind that rises and falls as 1-cos, turbulence beside it if asked for."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -7,22 +8,40 @@ import numpy as np
 from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.plan import Plan, holding, ticks
-from snakegen.simulation.flight.postures import place, resting_joints
-from snakegen.simulation.flight.trim import OPTION as TRIM
+from snakegen.simulation.flight.postures import (
+    PostureOption,
+    place,
+    resting_attitude,
+    resting_joints,
+)
+from snakegen.simulation.flight.trim import TrimOption
 from snakegen.simulation.flight.wind import one_minus_cosine
 from snakegen.simulation.recording.recording import Recording
 
-OPTIONS = {
-    "speed": [8.0, "m/s, of the air at the gust's peak"],
-    "direction": ["y", "x, y or z, where it blows to"],
-    "length": [1.0, "s, of the gust"],
-    "turbulence": [0.0, "m/s, standard deviation on each axis (Dryden), all the while"],
-    "force": [None, "N, a push of this peak on the whole body instead of wind"],
-    "duration": [10.0, "s"],
-    "height": [1.5, "m, of the CoG"],
-    "posture": [None, "posture file; a bent body by default"],
-    "trim": TRIM,
-}
+
+@dataclass(frozen=True)
+class Options(PostureOption, TrimOption):
+    """Options of mission `gust`.
+
+    Attributes:
+        speed: m/s, of the air at the gust's peak
+        direction: x, y or z, where it blows to
+        length: s, of the gust
+        turbulence: m/s, standard deviation on each axis (Dryden), all the while
+        force: N, a push of this peak on the whole body instead of wind
+        duration: s
+        height: m, of the CoG
+    """
+
+    speed: float = 8.0
+    direction: str = "y"
+    length: float = 1.0
+    turbulence: float = 0.0
+    force: float | None = None
+    duration: float = 10.0
+    height: float = 1.5
+
+
 _AT = 2.0  # s, when it begins
 
 
@@ -31,49 +50,47 @@ def applies(robot: Robot) -> bool:
     return robot.floating and bool(robot.modules.apparatuses)
 
 
-def plan(
-    robot: Robot,
-    rate: float,
-    *,
-    speed: float = 8.0,
-    direction: str = "y",
-    length: float = 1.0,
-    turbulence: float = 0.0,
-    force: float | None = None,
-    duration: float = 10.0,
-    height: float = 1.5,
-    posture: dict[str, Any] | None = None,
-) -> Plan:
+def plan(robot: Robot, rate: float, options: Options) -> Plan:
     """Returns the plan: hover, and ``V (1 - cos 2πt/T) / 2`` of wind, or of force at the CoG."""
-    if direction not in ("x", "y", "z"):
-        raise MissionError(f"direction '{direction}': x, y or z is needed.")
-    if not length > 0:
-        raise MissionError(f"length {length:g} s: more than 0 is needed.")
-    if not turbulence >= 0:
-        raise MissionError(f"turbulence {turbulence:g} m/s: 0 or more is needed.")
-    if not duration > _AT + length:
-        raise MissionError(f"duration {duration:g} s: more than {_AT + length:g} is needed.")
-    time = ticks(duration, rate)
-    way = np.eye(3)["xyz".index(direction)]
-    peak, unit = (speed, "m/s") if force is None else (force, "N")
-    gust = one_minus_cosine(time, _AT, length, peak * way)
+    if options.direction not in ("x", "y", "z"):
+        raise MissionError(f"direction '{options.direction}': x, y or z is needed.")
+    if not options.length > 0:
+        raise MissionError(f"length {options.length:g} s: more than 0 is needed.")
+    if not options.turbulence >= 0:
+        raise MissionError(f"turbulence {options.turbulence:g} m/s: 0 or more is needed.")
+    if not options.duration > _AT + options.length:
+        raise MissionError(
+            f"duration {options.duration:g} s: more than {_AT + options.length:g} is needed."
+        )
+    time = ticks(options.duration, rate)
+    way = np.eye(3)["xyz".index(options.direction)]
+    peak, unit = (options.speed, "m/s") if options.force is None else (options.force, "N")
+    gust = one_minus_cosine(time, _AT, options.length, peak * way)
     blown: dict[str, Any] = {"wind": gust}
-    if force is not None:
+    if options.force is not None:
         push = np.hstack([gust, np.zeros_like(gust)])
         blown = {"disturbance": push, "disturbance_at_cog": True}
-    joints = resting_joints(robot, posture)
-    cog = np.array([0.0, 0.0, height])
+    joints = resting_joints(robot, options.posture)
+    attitude = resting_attitude(robot, options.posture, "gust")
+    cog = np.array([0.0, 0.0, options.height])
     return holding(
         time,
         joints,
-        place(robot, joints, cog),
+        place(robot, joints, cog, attitude),
         cog,
-        turbulence=turbulence,
-        events=((_AT, f"gust of {peak:g} {unit} along {direction}"), (_AT + length, "gust over")),
-        facts={"gust_end_s": _AT + length},
+        turbulence=options.turbulence,
+        events=(
+            (_AT, f"gust of {peak:g} {unit} along {options.direction}"),
+            (_AT + options.length, "gust over"),
+        ),
+        facts={"gust_end_s": _AT + options.length},
         # turbulence goes on after the gust: there is nothing to come back to
         thresholds={"position_max_m": {"at_most": 0.6}}
-        | ({} if turbulence else {"recovery_s": {"at_most": duration - _AT - length}}),
+        | (
+            {}
+            if options.turbulence
+            else {"recovery_s": {"at_most": options.duration - _AT - options.length}}
+        ),
         **blown,
         tracked=False,
     )

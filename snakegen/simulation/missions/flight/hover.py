@@ -1,20 +1,32 @@
 """Hover in place: the robot starts in the air and holds its CoG and attitude."""
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.plan import Plan, holding, ticks
-from snakegen.simulation.flight.postures import place, resting_joints
-from snakegen.simulation.flight.trim import OPTION as TRIM
+from snakegen.simulation.flight.postures import (
+    PostureOption,
+    place,
+    resting_attitude,
+    resting_joints,
+)
+from snakegen.simulation.flight.trim import TrimOption
 
-OPTIONS = {
-    "duration": [10.0, "s"],
-    "height": [1.5, "m, of the CoG"],
-    "posture": [None, "posture file; a bent body by default"],
-    "trim": [0.0, TRIM[1]],
-}
+
+@dataclass(frozen=True)
+class Options(PostureOption, TrimOption):
+    """Options of mission `hover`.
+
+    Attributes:
+        duration: s
+        height: m, of the CoG
+    """
+
+    duration: float = 10.0
+    height: float = 1.5
+    trim: float = 0.0
 
 
 def applies(robot: Robot) -> bool:
@@ -22,15 +34,9 @@ def applies(robot: Robot) -> bool:
     return robot.floating and bool(robot.modules.apparatuses)
 
 
-def plan(
-    robot: Robot,
-    rate: float,
-    *,
-    duration: float = 10.0,
-    height: float = 1.5,
-    posture: dict[str, Any] | None = None,
-) -> Plan:
+def plan(robot: Robot, rate: float, options: Options) -> Plan:
     """Returns the plan: constant CoG, level CoG frame, constant joints."""
-    joints = resting_joints(robot, posture)
-    cog = np.array([0.0, 0.0, height])
-    return holding(ticks(duration, rate), joints, place(robot, joints, cog), cog)
+    joints = resting_joints(robot, options.posture)
+    attitude = resting_attitude(robot, options.posture, "hover")
+    cog = np.array([0.0, 0.0, options.height])
+    return holding(ticks(options.duration, rate), joints, place(robot, joints, cog, attitude), cog)

@@ -4,6 +4,7 @@ A waypoint is ``{time: 4.0, position: [0, 0, 1.5], rpy: [0, 0, 0.3], joints: {jo
 what it does not name stays as before. The robot starts at the first one.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,22 @@ from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.memory_check import refuse_too_long
 from snakegen.simulation.flight.plan import Plan, holding, through, ticks
 from snakegen.simulation.flight.postures import driven_joints, place, resting_joints
-from snakegen.simulation.flight.trim import OPTION as TRIM
+from snakegen.simulation.flight.trim import TrimOption
 
-OPTIONS = {
-    "file": [None, "mission file (YAML)"],
-    "duration": [None, "s; two seconds after the last waypoint by default"],
-    "trim": TRIM,
-}
+
+@dataclass(frozen=True)
+class Options(TrimOption):
+    """Options of mission `path`.
+
+    Attributes:
+        file: mission file (YAML)
+        duration: s; two seconds after the last waypoint by default
+    """
+
+    file: str | None = None
+    duration: float | None = None
+
+
 _MOST = 1e9  # of any unit: beyond it is a slip of the pen
 _KEYS = ("time", "position", "rpy", "joints")
 
@@ -32,18 +42,16 @@ def applies(robot: Robot) -> bool:
     return robot.floating and bool(robot.modules.apparatuses)
 
 
-def plan(
-    robot: Robot, rate: float, *, file: str | None = None, duration: float | None = None
-) -> Plan:
+def plan(robot: Robot, rate: float, options: Options) -> Plan:
     """Returns the plan through the file's waypoints.
 
     Raises:
         MissionError: no file, an unknown field, times that do not rise, angles beyond limits.
     """
-    if file is None:
+    if options.file is None:
         raise MissionError("mission 'path' needs a file: --mission my.yaml.")
-    knots, points = waypoints(robot, Path(str(file)))
-    seconds = float(knots[-1]) + 2.0 if duration is None else duration
+    knots, points = waypoints(robot, Path(str(options.file)))
+    seconds = float(knots[-1]) + 2.0 if options.duration is None else options.duration
     refuse_too_long(robot, seconds)
     time = ticks(seconds, rate)
     value, speed, bend = through(time, knots, points)

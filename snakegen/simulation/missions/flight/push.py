@@ -3,7 +3,7 @@
 The measured limit over the one that `analyze margin` predicts is the run's `ratio`.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,23 +17,45 @@ from snakegen.kernels.control.types import VIRTUAL
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.plan import Plan, holding, quintic, ticks
 from snakegen.simulation.flight.plant import Imperfections
-from snakegen.simulation.flight.postures import driven_joints, place, resting_joints
+from snakegen.simulation.flight.postures import (
+    PostureOption,
+    driven_joints,
+    place,
+    resting_attitude,
+    resting_joints,
+)
 from snakegen.simulation.push.informed import informed_limit
 from snakegen.simulation.push.prediction import Forecast, forecast
 from snakegen.simulation.recording.recording import Recording
 
-OPTIONS = {
-    "kind": ["force", "force, torque or wrench; dual-rotor mode always takes [f_z; torque]"],
-    "link": [None, "link that carries the push; the root link by default"],
-    "allocator": ["paper", "whose margin is predicted; that of the flight"],
-    "until": [1.2, "times the predicted wrench, where the ramp ends"],
-    "slow": [100.0, "s, from 0.8 of the prediction to the end"],
-    "battery": [False, "drain the battery: the ramp takes longer than many hold"],
-    "height": [4.0, "m, of the CoG"],
-    "posture": [None, "posture file; a bent body by default"],
-    "force": [False, "fly even where the posture is refused as singular"],
-    "ideal": [False, "judge by both sides of the prediction; --ideal sets it"],
-}
+
+@dataclass(frozen=True)
+class Options(PostureOption):
+    """Options of mission `push`.
+
+    Attributes:
+        kind: force, torque or wrench; dual-rotor mode always takes [f_z; torque]
+        link: link that carries the push; the root link by default
+        allocator: whose margin is predicted; that of the flight
+        until: times the predicted wrench, where the ramp ends
+        slow: s, from 0.8 of the prediction to the end
+        battery: drain the battery: the ramp takes longer than many hold
+        height: m, of the CoG
+        force: fly even where the posture is refused as singular
+        ideal: judge by both sides of the prediction; that of the flight
+    """
+
+    kind: str = "force"
+    link: str | None = None
+    allocator: str = field(default="paper", metadata={"set_by": "the flight's allocator"})
+    until: float = 1.2
+    slow: float = 100.0
+    battery: bool = False
+    height: float = 4.0
+    force: bool = False
+    ideal: bool = field(default=False, metadata={"set_by": "whether the flight is ideal"})
+
+
 AGREE = 0.05  # share by which the measured limit may differ from the prediction
 FAST = 10.0  # s, from nothing to where the limits begin to matter
 RELIEF = 0.008  # 1/s, of the prediction: as fast as a servo at its limit is relieved
@@ -64,30 +86,16 @@ def gains(given: Gains) -> Gains:
     )
 
 
-def plant(given: Imperfections, options: dict[str, Any]) -> Imperfections:
+def plant(given: Imperfections, options: Options) -> Imperfections:
     """Returns a plant without a battery, unless it is asked for.
 
     The ramp takes 120 s at up to 1.2 times hover's thrust; a battery for three minutes of hover is
     empty before its end, and the limit would be that of the battery.
     """
-    return given if options.get("battery") else replace(given, battery_energy=0.0)
+    return given if options.battery else replace(given, battery_energy=0.0)
 
 
-def plan(
-    robot: Robot,
-    rate: float,
-    *,
-    kind: str = "force",
-    link: str | None = None,
-    allocator: str = "paper",
-    until: float = 1.2,
-    slow: float = 100.0,
-    battery: bool = False,
-    height: float = 4.0,
-    posture: dict[str, Any] | None = None,
-    force: bool = False,
-    ideal: bool = False,
-) -> Plan:
+def plan(robot: Robot, rate: float, options: Options) -> Plan:
     """Returns the plan: hover, quickly to 0.8 of the predicted wrench, slowly from there.
 
     Where the pseudo-inverse would meet a limit before that, the constrained allocator relieves
@@ -97,23 +105,24 @@ def plan(
     The measured limit has to be at least 0.95 of the prediction; without noise at most 1.05 of it
     too. With noise the prediction knows the thrust factors that were drawn.
     """
-    if not (until > KNEE and slow > 0):
+    if not (options.until > KNEE and options.slow > 0):
         raise MissionError(f"until must be above {KNEE:g} and slow above 0 s.")
-    joints = resting_joints(robot, posture)
-    cog = np.array([0.0, 0.0, height])
+    joints = resting_joints(robot, options.posture)
+    resting_attitude(robot, options.posture, "push", level=True)
+    cog = np.array([0.0, 0.0, options.height])
     start = place(robot, joints, cog)
-    controller = flight_controller(robot, allocator=allocator)
-    found = forecast(robot, controller, start, kind, link)
+    controller = flight_controller(robot, allocator=options.allocator)
+    found = forecast(robot, controller, start, options.kind, options.link)
     limit = found.held if controller.mode == VIRTUAL else found.loaded
     limit = limit if np.isfinite(limit) else found.held
     given = (robot, controller.with_law(constrained=0), start, found.push, found.link)
     least = informed_limit(*given, np.ones(len(robot.rotors.body)))
     easy = float(np.clip(0.9 * least / limit, 0.0, KNEE)) if np.isfinite(least) else 0.0
-    corners = np.cumsum([0.0, SETTLE, FAST, (KNEE - easy) / RELIEF, SETTLE, slow])
+    corners = np.cumsum([0.0, SETTLE, FAST, (KNEE - easy) / RELIEF, SETTLE, options.slow])
     time = ticks(float(corners[-1]), rate)
     share, _, _ = quintic((time - corners[1]) / FAST)  # a corner would swing the integrals over
     share = easy * share + np.interp(
-        time, corners[2:], [0.0, KNEE - easy, KNEE - easy, until - easy]
+        time, corners[2:], [0.0, KNEE - easy, KNEE - easy, options.until - easy]
     )
     judged = "ratio" if controller.mode == VIRTUAL else "loaded_ratio"
     return holding(
@@ -128,7 +137,7 @@ def plan(
         events=(
             (float(corners[1]), "push begins"),
             (float(corners[4]), f"{KNEE:g} of the predicted wrench; slowly from here"),
-            (_at(corners, until), f"predicted limit: {', '.join(found.stopped)}"),
+            (_at(corners, options.until), f"predicted limit: {', '.join(found.stopped)}"),
         ),
         facts={
             "forecast": found.to_json(),
@@ -137,8 +146,12 @@ def plan(
         },
         drawn=lambda factors: _informed(robot, controller, start, found, factors),
         thresholds={
-            judged if ideal else "informed_ratio": _bounds(ideal),
-            **({"limit_ratio": _bounds(True)} if ideal and allocator == "paper" else {}),
+            judged if options.ideal else "informed_ratio": _bounds(options.ideal),
+            **(
+                {"limit_ratio": _bounds(True)}
+                if options.ideal and options.allocator == "paper"
+                else {}
+            ),
             # the push goes on until tracking is lost, and what follows is not judged
             **dict.fromkeys(_UNJUDGED),
         },

@@ -4,6 +4,7 @@ Fly it twice, with and without ``--set control.vibration_damping=…``, and `ins
 by side: ZN23 section 6 proposes to suppress what swings by redundant thrust.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,19 +13,37 @@ from snakegen.base.geometry import Floats
 from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.plan import Plan, holding, knots_for, through, ticks
-from snakegen.simulation.flight.postures import place, resting_joints
+from snakegen.simulation.flight.postures import (
+    PostureOption,
+    place,
+    resting_attitude,
+    resting_joints,
+)
 from snakegen.simulation.missions.flight.transform import waypoints
 from snakegen.simulation.recording.recording import Recording
 
-OPTIONS = {
-    "force": [20.0, "N, at its peak, on the last link"],
-    "direction": ["y", "x, y or z"],
-    "length": [0.15, "s, of the pluck"],
-    "duration": [8.0, "s"],
-    "moving": [False, "pluck it while it changes shape, as `transform` does"],
-    "height": [1.5, "m, of the CoG"],
-    "posture": [None, "posture file; a bent body by default"],
-}
+
+@dataclass(frozen=True)
+class Options(PostureOption):
+    """Options of mission `ring`.
+
+    Attributes:
+        force: N, at its peak, on the last link
+        direction: x, y or z
+        length: s, of the pluck
+        duration: s
+        moving: pluck it while it changes shape, as `transform` does
+        height: m, of the CoG
+    """
+
+    force: float = 20.0
+    direction: str = "y"
+    length: float = 0.15
+    duration: float = 8.0
+    moving: bool = False
+    height: float = 1.5
+
+
 _AT = 2.0  # s, when it is plucked
 _RATE = 0.31  # rad/s, fastest joint while it moves
 _LEFT = 0.1  # share of the largest energy below which it counts as swung out
@@ -35,48 +54,45 @@ def applies(robot: Robot) -> bool:
     return robot.floating and bool(robot.modules.apparatuses) and bool(robot.modules.servos)
 
 
-def plan(
-    robot: Robot,
-    rate: float,
-    *,
-    force: float = 20.0,
-    direction: str = "y",
-    length: float = 0.15,
-    duration: float = 8.0,
-    moving: bool = False,
-    height: float = 1.5,
-    posture: dict[str, Any] | None = None,
-) -> Plan:
+def plan(robot: Robot, rate: float, options: Options) -> Plan:
     """Returns the plan: hover, and ``F (1 - cos 2πt/T) / 2`` at the last link's origin.
 
     `moving`: through the first `duration` seconds of `transform`'s motion.
     """
-    if direction not in ("x", "y", "z"):
-        raise MissionError(f"direction '{direction}': x, y or z is needed.")
-    if not length > 0:
-        raise MissionError(f"length {length:g} s: more than 0 is needed.")
-    if not duration > _AT + length:
-        raise MissionError(f"duration {duration:g} s: more than {_AT + length:g} is needed.")
-    time = ticks(duration, rate)
-    phase = np.clip((time - _AT) / length, 0.0, 1.0)
+    if options.direction not in ("x", "y", "z"):
+        raise MissionError(f"direction '{options.direction}': x, y or z is needed.")
+    if not options.length > 0:
+        raise MissionError(f"length {options.length:g} s: more than 0 is needed.")
+    if not options.duration > _AT + options.length:
+        raise MissionError(
+            f"duration {options.duration:g} s: more than {_AT + options.length:g} is needed."
+        )
+    time = ticks(options.duration, rate)
+    phase = np.clip((time - _AT) / options.length, 0.0, 1.0)
     push = np.zeros((len(time), 6))
-    push[:, "xyz".index(direction)] = 0.5 * force * (1.0 - np.cos(2.0 * np.pi * phase))
-    joints = resting_joints(robot, posture)
-    if moving:
-        if posture is not None:
+    push[:, "xyz".index(options.direction)] = (
+        0.5 * options.force * (1.0 - np.cos(2.0 * np.pi * phase))
+    )
+    joints = resting_joints(robot, options.posture)
+    attitude = resting_attitude(robot, options.posture, "ring")
+    if options.moving:
+        if options.posture is not None:
             raise MissionError("ring takes a posture or a motion (moving=true), not both.")
         goals = waypoints(robot)
         joints, _, _ = through(time, knots_for(goals, _RATE), goals)
-    cog = np.array([0.0, 0.0, height])
+    cog = np.array([0.0, 0.0, options.height])
     return holding(
         time,
         joints,
-        place(robot, np.atleast_2d(joints)[0], cog),
+        place(robot, np.atleast_2d(joints)[0], cog, attitude),
         cog,
         disturbance=push,
         disturbance_link=list(robot.modules.lengths)[-1],
-        events=((_AT, f"plucked with {force:g} N along {direction}"), (_AT + length, "let go")),
-        facts={"pluck": {"start_s": _AT, "end_s": _AT + length}},
+        events=(
+            (_AT, f"plucked with {options.force:g} N along {options.direction}"),
+            (_AT + options.length, "let go"),
+        ),
+        facts={"pluck": {"start_s": _AT, "end_s": _AT + options.length}},
         tracked=False,
     )
 

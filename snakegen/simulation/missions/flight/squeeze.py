@@ -3,6 +3,7 @@
 A wall with a doorway and a lintel stands across x. Its opening is measured from the slim body.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,24 @@ from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.plan import Box, Plan, holding, knots_for, through, ticks
 from snakegen.simulation.flight.postures import bent, driven_joints, extent, place, slim
-from snakegen.simulation.flight.trim import OPTION as TRIM
+from snakegen.simulation.flight.trim import TrimOption
 
-OPTIONS = {
-    "gap": [0.12, "m, room on each side of the slim body"],
-    "speed": [0.4, "m/s, mean, through the opening"],
-    "rate_limit": [0.31, "rad/s, fastest joint"],
-    "trim": TRIM,
-}
+
+@dataclass(frozen=True)
+class Options(TrimOption):
+    """Options of mission `squeeze`.
+
+    Attributes:
+        gap: m, room on each side of the slim body
+        speed: m/s, mean, through the opening
+        rate_limit: rad/s, fastest joint
+    """
+
+    gap: float = 0.12
+    speed: float = 0.4
+    rate_limit: float = 0.31
+
+
 _SETTLE = 2.0  # s, of hover between the parts
 _WALL = 0.05  # m, half its thickness
 _WIDE = 1.2  # m, half width of the wall: wide enough to meet, narrow enough to see past
@@ -30,25 +41,22 @@ def applies(robot: Robot) -> bool:
     return robot.floating and bool(robot.modules.apparatuses) and len(driven_joints(robot)) > 1
 
 
-def plan(
-    robot: Robot,
-    rate: float,
-    *,
-    gap: float = 0.12,
-    speed: float = 0.4,
-    rate_limit: float = 0.31,
-) -> Plan:
+def plan(robot: Robot, rate: float, options: Options) -> Plan:
     """Returns the plan: fold from the resting to the slim body, pass the wall, unfold.
 
     Raises:
         MissionError: the opening would be wider than the resting body, or options not positive.
     """
-    for name, value in (("gap", gap), ("speed", speed), ("rate_limit", rate_limit)):
+    for name, value in (
+        ("gap", options.gap),
+        ("speed", options.speed),
+        ("rate_limit", options.rate_limit),
+    ):
         if not value > 0:
             raise MissionError(f"{name} {value:g}: more than 0 is needed.")
     wide, narrow = bent(robot), slim(robot)
     big, small = extent(robot, wide), extent(robot, narrow)
-    opening = 2.0 * (gap + float(np.abs(small[:, 1]).max()))
+    opening = 2.0 * (options.gap + float(np.abs(small[:, 1]).max()))
     span = float(big[1, 1] - big[0, 1])
     if opening >= span:
         raise MissionError(
@@ -56,12 +64,12 @@ def plan(
             "a smaller gap is needed."
         )
     height = 0.4 + float(max(-small[0, 2], -big[0, 2]))
-    lintel = height + float(small[1, 2]) + gap
-    start, end = _run_up(big, small, gap)
-    fold = knots_for(np.array([wide, narrow]), rate_limit, start=_SETTLE)
+    lintel = height + float(small[1, 2]) + options.gap
+    start, end = _run_up(big, small, options.gap)
+    fold = knots_for(np.array([wide, narrow]), options.rate_limit, start=_SETTLE)
     go = float(fold[1]) + _SETTLE
-    through_at = go + (end - start) / speed
-    unfold = knots_for(np.array([narrow, wide]), rate_limit, start=through_at + _SETTLE)
+    through_at = go + (end - start) / options.speed
+    unfold = knots_for(np.array([narrow, wide]), options.rate_limit, start=through_at + _SETTLE)
     time = ticks(float(unfold[1]) + _SETTLE, rate)
     joints, _, _ = through(time, [*fold, *unfold], np.array([wide, narrow, narrow, wide]))
     way = np.array([[start, 0.0, height], [end, 0.0, height]])

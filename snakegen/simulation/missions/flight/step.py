@@ -1,5 +1,6 @@
 """Step in each axis, one after the other: rise time, overshoot and settling of every loop."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,18 +12,33 @@ from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.plan import Plan, holding, ticks
 from snakegen.simulation.flight.plant import Imperfections
-from snakegen.simulation.flight.postures import place, resting_joints
-from snakegen.simulation.flight.trim import OPTION as TRIM
+from snakegen.simulation.flight.postures import (
+    PostureOption,
+    place,
+    resting_attitude,
+    resting_joints,
+)
+from snakegen.simulation.flight.trim import TrimOption
 from snakegen.simulation.recording.recording import Recording
 
-OPTIONS = {
-    "size": [0.5, "m, step of x, y and z"],
-    "turn": [0.2, "rad, step of roll, pitch and yaw (dual-rotor mode: yaw alone)"],
-    "hold": [None, "s, after each step; 6, or what the slowest of these loops needs to settle"],
-    "height": [1.5, "m, of the CoG"],
-    "posture": [None, "posture file; a bent body by default"],
-    "trim": TRIM,
-}
+
+@dataclass(frozen=True)
+class Options(PostureOption, TrimOption):
+    """Options of mission `step`.
+
+    Attributes:
+        size: m, step of x, y and z
+        turn: rad, step of roll, pitch and yaw (dual-rotor mode: yaw alone)
+        hold: s, after each step; 6, or what the slowest of these loops needs to settle
+        height: m, of the CoG
+    """
+
+    size: float = 0.5
+    turn: float = 0.2
+    hold: float | None = None
+    height: float = 1.5
+
+
 _FIRST = 1.0  # s, before the first step
 _BAND = 0.05  # share of the step within which it counts as settled
 _LEAST = 6.0  # s, after a step
@@ -34,45 +50,39 @@ def applies(robot: Robot) -> bool:
     return robot.floating and bool(robot.modules.apparatuses)
 
 
-def plan(
-    robot: Robot,
-    rate: float,
-    *,
-    size: float = 0.5,
-    turn: float = 0.2,
-    hold: float | None = None,
-    height: float = 1.5,
-    posture: dict[str, Any] | None = None,
-) -> Plan:
+def plan(robot: Robot, rate: float, options: Options) -> Plan:
     """Returns the plan: the target jumps, axis by axis, and stays."""
     tilts = robot.modules.control.get("mode") != "dual_rotor"
     axes = [a for a in _AXES if tilts or a not in ("roll", "pitch")]
-    hold = _needed(robot, axes) if hold is None else hold
-    if not (hold > 0 and size != 0 and turn != 0):
+    hold = _needed(robot, axes) if options.hold is None else options.hold
+    if not (hold > 0 and options.size != 0 and options.turn != 0):
         raise MissionError("step needs hold > 0 s, and a size and a turn other than 0.")
     time = ticks(_FIRST + hold * len(axes), rate)
-    joints = resting_joints(robot, posture)
-    cog = np.array([0.0, 0.0, height])
+    joints = resting_joints(robot, options.posture)
+    attitude = resting_attitude(robot, options.posture, "step")
+    cog = np.array([0.0, 0.0, options.height])
     position = np.repeat(cog[None], len(time), axis=0)
     rpy = np.zeros((len(time), 3))
     steps = []
     for i, axis in enumerate(axes):
         at, k = _FIRST + i * hold, _AXES.index(axis)
-        (position[:, k] if k < 3 else rpy[:, k - 3])[time >= at] += size if k < 3 else turn
-        steps.append({"axis": axis, "time_s": at, "size": size if k < 3 else turn})
+        (position[:, k] if k < 3 else rpy[:, k - 3])[time >= at] += (
+            options.size if k < 3 else options.turn
+        )
+        steps.append({"axis": axis, "time_s": at, "size": options.size if k < 3 else options.turn})
     return holding(
         time,
         joints,
-        place(robot, joints, cog),
+        place(robot, joints, cog, attitude),
         cog,
         position=position,
-        rotation=np.array([rotation_from_rpy(x) for x in rpy]),
+        rotation=np.array([rotation_from_rpy(x) @ attitude for x in rpy]),
         events=tuple((s["time_s"], f"step in {s['axis']}") for s in steps),
         facts={"steps": steps, "hold_s": hold},
         # a step's own error is its size: the response is judged, not the distance
         thresholds={
-            "position_rmse_m": {"at_most": abs(size)},
-            "position_max_m": {"at_most": 1.5 * abs(size) + 0.1},
+            "position_rmse_m": {"at_most": abs(options.size)},
+            "position_max_m": {"at_most": 1.5 * abs(options.size) + 0.1},
             "gimbal_torque_limit_share": None,  # a jump asks for all that a servo has
             "overshoot": {"at_most": 0.5},
             "settling_s": {"at_most": hold},
@@ -142,7 +152,7 @@ def _unit(name: str) -> str:
 
 
 def _signals(recording: Recording) -> Floats:
-    """Returns (T, 6): CoG [m], roll, pitch and yaw [rad] of the CoG frame from its first target."""
+    """Returns (T, 6): CoG [m], roll, pitch and yaw [rad] from its first target, world axes."""
     first = rotation_from_xyzw(recording.channel("attitude_target").values[0])
     rpy = np.array(
         [

@@ -1,5 +1,6 @@
 """Change mode in the air: dual-rotor to virtual-single-rotor and back, where rank allows it."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,19 +10,35 @@ from snakegen.control.switch import require_mode
 from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.plan import Plan, holding, ticks
-from snakegen.simulation.flight.postures import place, resting_joints
-from snakegen.simulation.flight.trim import OPTION as TRIM
+from snakegen.simulation.flight.postures import (
+    PostureOption,
+    place,
+    resting_attitude,
+    resting_joints,
+)
+from snakegen.simulation.flight.trim import TrimOption
 from snakegen.simulation.recording.recording import Recording
 
-OPTIONS = {
-    "at": [3.0, "s, of the first change"],
-    "stay": [5.0, "s in the other mode"],
-    "duration": [12.0, "s"],
-    "height": [1.5, "m, of the CoG"],
-    "posture": [None, "posture file; a bent body by default"],
-    "force": [False, "change even where the rank test refuses"],
-    "trim": TRIM,
-}
+
+@dataclass(frozen=True)
+class Options(PostureOption, TrimOption):
+    """Options of mission `switch`.
+
+    Attributes:
+        at: s, of the first change
+        stay: s in the other mode
+        duration: s
+        height: m, of the CoG
+        force: change even where the rank test refuses
+    """
+
+    at: float = 3.0
+    stay: float = 5.0
+    duration: float = 12.0
+    height: float = 1.5
+    force: bool = False
+
+
 _NAMES = ("dual-rotor mode", "virtual-single-rotor mode")
 
 
@@ -31,39 +48,36 @@ def applies(robot: Robot) -> bool:
     return robot.floating and pairs and bool(robot.gimbal_names)
 
 
-def plan(
-    robot: Robot,
-    rate: float,
-    *,
-    at: float = 3.0,
-    stay: float = 5.0,
-    duration: float = 12.0,
-    height: float = 1.5,
-    posture: dict[str, Any] | None = None,
-    force: bool = False,
-) -> Plan:
+def plan(robot: Robot, rate: float, options: Options) -> Plan:
     """Returns the plan: hover, the other mode for a while, the first one again.
 
     Raises:
         ControlRefused: the other mode cannot hold the posture.
         MissionError: a flight that ends before the change.
     """
-    if not (at >= 0.0 and stay > 0.0):
-        raise MissionError(f"at {at:g} s, stay {stay:g} s: 0 or more, and more than 0, are needed.")
-    if not at < duration:
-        raise MissionError(f"duration {duration:g} s: more than {at:g} is needed, when it changes.")
-    joints = resting_joints(robot, posture)
-    cog = np.array([0.0, 0.0, height])
-    start = place(robot, joints, cog)
+    if not (options.at >= 0.0 and options.stay > 0.0):
+        raise MissionError(
+            f"at {options.at:g} s, stay {options.stay:g} s: 0 or more, and more than 0, are needed."
+        )
+    if not options.at < options.duration:
+        raise MissionError(
+            f"duration {options.duration:g} s: more than {options.at:g} is needed, when it changes."
+        )
+    joints = resting_joints(robot, options.posture)
+    attitude = resting_attitude(robot, options.posture, "switch")
+    cog = np.array([0.0, 0.0, options.height])
+    start = place(robot, joints, cog, attitude)
     controller = flight_controller(robot)
     own, other = controller.mode, 1 - controller.mode
-    if not force:
+    if not options.force:
         require_mode(controller, other, robot.angles(start), robot.base_pose(start)[0])
-    time = ticks(duration, rate)
-    mode = np.where((time >= at) & (time < at + stay), float(other), float(own))
-    events = [(at, f"to {_NAMES[other]}")]
-    if at + stay < duration:
-        events.append((at + stay, f"back to {_NAMES[own]}"))
+    time = ticks(options.duration, rate)
+    mode = np.where(
+        (time >= options.at) & (time < options.at + options.stay), float(other), float(own)
+    )
+    events = [(options.at, f"to {_NAMES[other]}")]
+    if options.at + options.stay < options.duration:
+        events.append((options.at + options.stay, f"back to {_NAMES[own]}"))
     return holding(
         time,
         joints,

@@ -1,5 +1,7 @@
 """Change shape in the air while ascending: large joint motion, as in ZN23 Tables 4 and 6."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from snakegen.base.geometry import Floats
@@ -7,15 +9,26 @@ from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.plan import Plan, knots_for, level, through
 from snakegen.simulation.flight.postures import bent, driven_joints, place, resting_height
-from snakegen.simulation.flight.trim import OPTION as TRIM
+from snakegen.simulation.flight.trim import TrimOption
 
-OPTIONS = {
-    "duration": [None, "s; as long as the motion needs by default"],
-    "rise": [1.0, "m, that the CoG ascends during the motion"],
-    "rate_limit": [0.31, "rad/s, fastest joint (ZN23 5.2.2: 0.31)"],
-    "floor": [False, "start at rest on the floor, not in the air"],
-    "trim": TRIM,
-}
+
+@dataclass(frozen=True)
+class Options(TrimOption):
+    """Options of mission `transform`.
+
+    Attributes:
+        duration: s; as long as the motion needs by default
+        rise: m, that the CoG ascends during the motion
+        rate_limit: rad/s, fastest joint (ZN23 5.2.2: 0.31)
+        floor: start at rest on the floor, not in the air
+    """
+
+    duration: float | None = None
+    rise: float = 1.0
+    rate_limit: float = 0.31
+    floor: bool = False
+
+
 _SETTLE = 2.0  # s, of hover before and after
 
 
@@ -52,34 +65,26 @@ def waypoints(robot: Robot) -> Floats:
     return np.clip(np.array([start, up, over, down, start]), low, high)
 
 
-def plan(
-    robot: Robot,
-    rate: float,
-    *,
-    duration: float | None = None,
-    rise: float = 1.0,
-    rate_limit: float = 0.31,
-    floor: bool = False,
-) -> Plan:
+def plan(robot: Robot, rate: float, options: Options) -> Plan:
     """Returns the plan: joints through the waypoints, CoG rising with them, CoG frame level."""
     goals = waypoints(robot)
-    if not rate_limit > 0:
-        raise MissionError(f"rate_limit {rate_limit:g} rad/s: more than 0 is needed.")
-    lift = 3.0 if floor else 0.0
-    knots = knots_for(goals, rate_limit, start=_SETTLE + lift)
+    if not options.rate_limit > 0:
+        raise MissionError(f"rate_limit {options.rate_limit:g} rad/s: more than 0 is needed.")
+    lift = 3.0 if options.floor else 0.0
+    knots = knots_for(goals, options.rate_limit, start=_SETTLE + lift)
     end = float(knots[-1]) + _SETTLE
-    if duration is not None:
-        if duration < end:
+    if options.duration is not None:
+        if options.duration < end:
             raise MissionError(
-                f"duration {duration:g} s is too short: the motion needs {end:.1f} s at "
-                f"{rate_limit:g} rad/s."
+                f"duration {options.duration:g} s is too short: the motion needs {end:.1f} s at "
+                f"{options.rate_limit:g} rad/s."
             )
-        end = duration
+        end = options.duration
     time = np.arange(round(end * rate)) / rate
     joints, _, _ = through(time, knots, goals)
     start = place(robot, goals[0], np.array([0.0, 0.0, 1.2]))
-    heights = [(0.0, 1.2), (float(knots[0]), 1.2), (float(knots[-1]), 1.2 + rise)]
-    if floor:
+    heights = [(0.0, 1.2), (float(knots[0]), 1.2), (float(knots[-1]), 1.2 + options.rise)]
+    if options.floor:
         low = resting_height(robot, start)
         heights = [(0.0, low), (0.5, low), *heights[1:]]
         start[2] += low - 1.2
@@ -96,7 +101,7 @@ def plan(
         angular,
         joints,
         start,
-        on_floor=floor,
-        window=(2.0, end) if floor else None,
+        on_floor=options.floor,
+        window=(2.0, end) if options.floor else None,
         events=tuple(events),
     )

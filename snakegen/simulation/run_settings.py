@@ -1,0 +1,26 @@
+"""How a verification run is made, whatever its mission."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """Settings of a run that are no options of its mission.
+
+    Attributes:
+        seed: of noise and mismatch.
+        ideal: perfect sensors and actuators.
+        progress: called with steps done and steps in all.
+        draw: of an arm, the ranges and the generator from which its hardware is drawn instead of
+            the seed (`arm.trials`).
+    """
+
+    seed: int = 0
+    ideal: bool = False
+    progress: Callable[[int, int], Any] | None = None
+    draw: Any = None
+
+
+NOMINAL = RunSettings()
