@@ -19,6 +19,7 @@ __all__ = [
     "convert",
     "lint",
     "load",
+    "margin_gradient",
     "margins",
 ]
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from snakegen.pipeline.convert import convert
     from snakegen.robot.configuration import Configuration
     from snakegen.robot.robot import Robot, load
+    from snakegen.sensitivity.margin_gradient import margin_gradient
     from snakegen.spec.robot_spec import RobotSpec
 
 _HOME = {
@@ -42,6 +44,7 @@ _HOME = {
     "lint": "snakegen.linter.lint",
     "margins": "snakegen.analysis.posture_margins",
     "load": "snakegen.robot.robot",
+    "margin_gradient": "snakegen.sensitivity.margin_gradient",
     "Configuration": "snakegen.robot.configuration",
     "PostureMargins": "snakegen.analysis.posture_margins",
     "Robot": "snakegen.robot.robot",

@@ -12,6 +12,7 @@ from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError, near
 from snakegen.robot.configuration import Configuration
 from snakegen.robot.robot import Robot
+from snakegen.sensitivity.margin_gradient import margin_gradient
 from snakegen.wrench_margins.thrust import ThrustMargins, thrust_margins
 from snakegen.wrench_margins.vectored import VectoredMargins, set_margins
 
@@ -94,6 +95,23 @@ class PostureMargins:
             AnalysisError: `u` is zero, not finite or of another shape.
         """
         return float(self.exact.directional(u))
+
+    def gradient(self, kind: str, wrt: str = "joints") -> Floats:
+        """Returns the exact derivative of a margin, a subgradient where it has a kink.
+
+        Args:
+            kind: "force" [N/…], "torque" [N·m/…] or "wrench"; "attitude_altitude" in dual-rotor
+                mode.
+            wrt: "joints": (n,) per rad, in the order of ``robot.joint_names``, gimbals included;
+                or as `snakegen.margin_gradient` takes it.
+
+        Raises:
+            AnalysisError: no such margin, hover out of reach, or limited gimbals in
+                virtual-single-rotor mode.
+        """
+        robot = self.configuration.robot
+        assert isinstance(robot, Robot)
+        return margin_gradient(robot, self.configuration, kind, self.mode, wrt)
 
     def __repr__(self) -> str:
         """Returns the margins in one line."""

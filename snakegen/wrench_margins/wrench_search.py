@@ -19,7 +19,7 @@ def start_directions(count: int, twists: Floats) -> Floats:
     return np.ascontiguousarray(np.vstack([known, np.eye(6), -np.eye(6), signs])[:count])
 
 
-def _fall(
+def fall(
     u: Floats, p: Floats, limit: Floats, hover: Floats, bounds: Floats, twists: Floats
 ) -> None:
     """Lowers the wrench bound from direction u: shoot, turn to the normal that was hit, repeat."""
@@ -56,5 +56,5 @@ def refine(
         bounds[0] = -high, -low
     elif rank == 6 and starts:
         for start in start_directions(starts, twists):
-            _fall(start, p, limit, hover, bounds, twists)
+            fall(start, p, limit, hover, bounds, twists)
         bounds[0, 0] = min(bounds[0, 0], bounds[0, 1])
