@@ -174,7 +174,7 @@ def _result(
     assert isinstance(robot, Robot)
     dual = isinstance(found, ThrustMargins)
     units = [f"apparatus {j + 1}" for j in range(len(robot.modules.apparatuses))]
-    rotors = [r.link for part in robot.modules.apparatuses for r in part.rotors]
+    rotors = [r.label for part in robot.modules.apparatuses for r in part.rotors]
 
     def bounds(name: str) -> tuple[float, float]:
         low, high = [getattr(found, name)] * 2 if dual else getattr(found, f"{name}_bounds")

@@ -114,7 +114,7 @@ def _dual(
     """Returns the margins over [f_z; τ] of dual-rotor mode."""
     kind, rotors = "attitude_altitude", robot.rotors
     bounds, joints = servo_bounds(robot, q, link, False)
-    labels = [r.link for m in robot.modules.apparatuses for r in m.rotors]
+    labels = [r.label for m in robot.modules.apparatuses for r in m.rotors]
     scale: dict[str, Any] = _scale(robot)
     given = (a.dual, rotors.thrust_min, rotors.thrust_max, a.hover_wrench)
     value = float(found.attitude_altitude)

@@ -125,7 +125,9 @@ def analyze(robot: Robot, q: Floats, reach: float = 2.0, spread: float = 0.10) -
             offset = float(np.linalg.norm(away + distance * a.rotor_axes[s]))
             radius = 0.5 * source.diameter + spread * distance + 0.5 * hit.diameter
             if offset < radius:
-                found.append(Overlap(source.link, hit.link, distance, offset, 1 - offset / radius))
+                found.append(
+                    Overlap(source.label, hit.label, distance, offset, 1 - offset / radius)
+                )
     blocked = _blocked(robot, q, a, reach, spread)
     return Wake(tuple(sorted(found, key=lambda o: o.distance)), blocked, reach, spread)
 
@@ -151,7 +153,7 @@ def _blocked(
                 robot.modules.lengths[name], float(radius), drag, reach, spread,
             )  # fmt: skip
             if share >= _LEAST:
-                out.append(Blocked(rotor.link, name, share, distance))
+                out.append(Blocked(rotor.label, name, share, distance))
     return tuple(sorted(out, key=lambda b: -b.share))
 
 

@@ -81,7 +81,7 @@ def analyze(
     scale: dict[str, Any] = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
     low, high = rotors.thrust_min, rotors.thrust_max
     dual = thrust_margins(a.dual, low, high, a.hover_wrench, **scale)
-    names = [r.link for m in robot.modules.apparatuses for r in m.rotors]
+    names = [r.label for m in robot.modules.apparatuses for r in m.rotors]
     units = [f"apparatus {j + 1}" for j in range(limit.size)]
     controller = {
         "dual_rotor": _slices(thrust_controller(a.dual, low, high, a.hover_wrench, **scale))

@@ -33,6 +33,7 @@ _COMMANDS = {
     "lint": ("snakegen.cli.lint", "List what is wrong or doubtful in a URDF or MJCF file."),
     "convert": ("snakegen.cli.convert", "Convert a URDF into MJCF, proven to be the same robot."),
     "compare": ("snakegen.cli.compare", "Tell whether two files describe the same robot."),
+    "adopt": ("snakegen.cli.adopt", "Draft the modules file of a URDF with rotors."),
     "inspect": ("snakegen.cli.inspect", "Read metrics and verdict back from a log."),
     "doctor": ("snakegen.cli.doctor", "Check packages, rendering, viewer, cache and extras."),
     "completion": ("snakegen.cli.completion", "Print the completion script of a shell."),

@@ -28,13 +28,20 @@ def presets(as_json: bool) -> None:
 
 
 @click.command(context_settings=HELP)
-def schema() -> None:
+@click.option("--modules", is_flag=True, help="Of a modules file instead (docs/modules.md).")
+def schema(modules: bool) -> None:
     """Print the JSON Schema of a spec file, for editors.
 
     \b
     Example:
       snakegen schema > snakegen.schema.json
+      snakegen schema --modules > modules.schema.json
     """
+    if modules:
+        from snakegen.robot.modules_schema import schema_text
+
+        click.echo(schema_text())
+        return
     from snakegen.spec.loading import schema as text
 
     click.echo(text())

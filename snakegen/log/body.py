@@ -111,7 +111,10 @@ def _log_thrusts(rec: Any, recording: Recording, view: Scene, columns: list[Any]
         rec.log(path, rr.Arrows3D.from_fields(radii=[0.006 * view.size]), static=True)
         arrows = (thrust[:, r.column, None] * view.newton * r.axis).astype(np.float32)
         colors = style.saturation_colors(use[:, r.column])
-        rec.send_columns(path, columns, rr.Arrows3D.columns(vectors=arrows, colors=colors))
+        fields: dict[str, Any] = {"vectors": arrows}
+        if np.any(r.position):
+            fields["origins"] = np.tile(r.position.astype(np.float32), (len(arrows), 1))
+        rec.send_columns(path, columns, rr.Arrows3D.columns(**fields, colors=colors))
 
 
 def _log_points(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -> None:

@@ -105,8 +105,9 @@ def _draw_links(axes: Any, recording: Recording, view: Scene, frame: int) -> lis
     for r in view.rotors:
         rotation, position = poses[r.link]
         arrow = rotation[0] @ r.axis * thrust[0, r.column] * view.newton
-        axes.quiver(*position[0], *arrow, color=colors[r.column], lw=2, arrow_length_ratio=0.2)
-        drawn.append(np.stack([position[0], position[0] + arrow]))
+        start = position[0] + rotation[0] @ r.position
+        axes.quiver(*start, *arrow, color=colors[r.column], lw=2, arrow_length_ratio=0.2)
+        drawn.append(np.stack([start, start + arrow]))
     return drawn
 
 

@@ -22,6 +22,7 @@ class Rotor(NamedTuple):
     label: str
     link: str
     axis: Floats  # (3,) thrust direction in the link's frame
+    position: Floats  # (3,) m, in the link's frame
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,8 @@ def _rotors(recording: Recording, bones: sk.Skeleton | None) -> tuple[Rotor, ...
     for i, (rotor, label) in enumerate(zip(listed, labels, strict=False)):
         if rotor["link"] in links:
             axis = np.asarray(rotor.get("axis", (0.0, 0.0, 1.0)), float)
-            rotors.append(Rotor(i, label, rotor["link"], axis))
+            place = np.asarray(rotor.get("position", (0.0, 0.0, 0.0)), float)
+            rotors.append(Rotor(i, label, rotor["link"], axis, place))
     return tuple(rotors)
 
 

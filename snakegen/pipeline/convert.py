@@ -78,13 +78,18 @@ def _write(robot: Robot, folder: Path) -> tuple[Any, tuple[str, ...]]:
     from snakegen.pipeline.equivalence import compare
     from snakegen.pipeline.start_contacts import contact_warnings
     from snakegen.robot.arrays import base_link
+    from snakegen.robot.floating_root import without_floating_root
+    from snakegen.spec.urdf import read_urdf
 
     name, modules = robot.name, robot.modules
     ready = importable(robot.urdf, robot.folder)
     for file, content in ready.assets.items():
         (folder / file).parent.mkdir(exist_ok=True)
         (folder / file).write_bytes(content)
-    (folder / f"{name}.urdf").write_text(ready.text, encoding="utf-8")
+    text = ready.text
+    if robot.path is not None and without_floating_root(given := read_urdf(robot.path))[1]:
+        text = importable(given, robot.folder).text  # the joint that holds the root stays
+    (folder / f"{name}.urdf").write_text(text, encoding="utf-8")
     spec = decorate(ready.text, modules, ready.assets, folder=folder)
     motors = motor_joints(robot)
     add_motors(spec, robot, motors)

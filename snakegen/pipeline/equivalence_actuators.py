@@ -79,7 +79,7 @@ class Actuation:
 def missing(at: Actuation) -> Pairs | None:
     """Returns the actuators, joints and sites of one description alone, or None."""
     kind, model = mujoco.mjtObj, at.model
-    links = [r.link for r in at.rotors]
+    links = [r.label for r in at.rotors]
     screws = [s.joint for s in at.robot.modules.screws]
     expected = {
         (kind.mjOBJ_ACTUATOR, "actuator"): [
@@ -123,7 +123,7 @@ def _limits(limited: Any, ranges: Any, rows: list[int]) -> Floats:
 
 
 def _rotor_constants(at: Actuation) -> Iterator[Pairs]:
-    model, names = at.model, [r.link for r in at.rotors]
+    model, names = at.model, [r.label for r in at.rotors]
     rows = at.ids(names)
     declared = [[r.thrust_min, r.thrust_max] for r in at.rotors]
     commands = _limits(model.actuator_ctrllimited, model.actuator_ctrlrange, rows)

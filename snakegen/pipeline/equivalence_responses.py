@@ -60,7 +60,7 @@ def _passive(at: Actuation, data: mujoco.MjData, v: Floats) -> Iterator[Pairs]:
 
 def _sites(at: Actuation, data: mujoco.MjData, bodies: Bodies) -> Iterator[Pairs]:
     """Yields pose and thrust direction of each rotor's site, and of the IMU's."""
-    names = [r.link for r in at.rotors]
+    names = [r.label for r in at.rotors]
     point, axis = _rotor_poses(at, bodies)
     ids = [at.model.site(n).id for n in names]
     axes = data.site_xmat.reshape(-1, 3, 3)
@@ -110,7 +110,7 @@ def joint_forces(at: Actuation, bodies: Bodies) -> Floats:
 
 def _thrusts(at: Actuation, data: mujoco.MjData, bodies: Bodies) -> Iterator[Pairs]:
     """Yields force, rate and unit wrench of each rotor, through MuJoCo's own actuation."""
-    model, names = at.model, [r.link for r in at.rotors]
+    model, names = at.model, [r.label for r in at.rotors]
     rows = at.ids(names)
     low = np.array([r.thrust_min for r in at.rotors])
     high = np.maximum([r.thrust_max for r in at.rotors], low + 1e-3)
@@ -169,7 +169,7 @@ def _thrust_rates(at: Actuation, data: mujoco.MjData, rows: list[int]) -> list[P
         found.append([data.act_dot[at.model.actuator_actadr[row]] for _, row in lagged])
     declared = np.outer([-1.0, 1.0], span / lags if lagged else span)
     columns = ("down [N/s]", "up [N/s]")
-    names = [r.link for r, _ in lagged]
+    names = [r.label for r, _ in lagged]
     return [pairs("thrust rate", names, columns, declared.T, np.array(found).T)]
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from snakegen.base.geometry import Floats
-from snakegen.linter.composites import placement, rigid_body
+from snakegen.linter.composites import rigid_body
 from snakegen.linter.finding import numbers
+from snakegen.linter.link_poses import link_poses
 from snakegen.linter.lint import lint, refuse
 from snakegen.linter.tree_rules import end_of
 from snakegen.linter.xml_tree import Node, parse_xml
@@ -44,26 +45,6 @@ def urdf_parts(path: Path, modules: Path | None = None) -> RobotParts:
         joints = _driven(robot, joints)
         actuators = _actuators(robot, frames, joints)
     return RobotParts(str(path), "URDF", floating, frames, joints, bodies, actuators)
-
-
-def link_poses(root: Node) -> dict[str, Floats]:
-    """Returns the (4, 4) pose of each link with all joint coordinates at 0, the root's at 1."""
-    below: dict[str, list[Node]] = {}
-    children = set()
-    for joint in root.findall("joint"):
-        below.setdefault(end_of(joint, "parent") or "", []).append(joint)
-        children.add(end_of(joint, "child"))
-    names = [link.attrib.get("name", "") for link in root.findall("link")]
-    waiting = [(name, np.eye(4)) for name in names if name not in children]
-    poses: dict[str, Floats] = {}
-    while waiting:
-        name, pose = waiting.pop()
-        poses[name] = pose
-        for joint in below.get(name, []):
-            step = np.eye(4)
-            step[:3, :3], step[:3, 3] = placement(joint.find("origin"))
-            waiting.append((end_of(joint, "child") or "", pose @ step))
-    return {name: poses[name] for name in names}
 
 
 def _carriers(root: Node) -> dict[str, str]:
@@ -184,10 +165,11 @@ def _actuators(
         key = robot.joint_names[body - 1] if body > 0 else BASE
         pose = frames[rotor.link]
         axis = pose[:3, :3] @ np.asarray(rotor.axis)
-        out[rotor.link] = ActuatorPart(
+        point = pose[:3, 3] + pose[:3, :3] @ np.asarray(rotor.position)
+        out[rotor.label] = ActuatorPart(
             f"body {key}",
             np.concatenate([axis, rotor.drag_ratio * axis]),
-            pose[:3, 3],
+            point,
             1.0,
             np.zeros(3),
             np.array([rotor.thrust_min, rotor.thrust_max]),

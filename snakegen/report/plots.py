@@ -62,7 +62,7 @@ def _thrusts(result: Any, page: Page, path: Path) -> bool:
     from snakegen.report.charts import hover_thrust_chart
 
     robot = page.robot
-    names = [r.link for a in robot.modules.apparatuses for r in a.rotors]
+    names = [r.label for a in robot.modules.apparatuses for r in a.rotors]
     hover_thrust_chart(path, result.dual_thrust, robot.rotors.thrust_min, result.thrust_max, names)
     return True
 

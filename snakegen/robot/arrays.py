@@ -12,19 +12,27 @@ from snakegen.errors import DescriptionError, PostureError, near
 from snakegen.kernels.core.types import Gimbals, Rotors, Tree
 from snakegen.robot.configuration import Configuration
 from snakegen.robot.frames import ModelFrames
+from snakegen.robot.modules import Rotor
+from snakegen.robot.rotor_shafts import rotor_shafts
 
 
 def _settled(
-    robot: ModelFrames, spinners: frozenset[int], link: str, vector: Any
+    robot: ModelFrames, spinners: frozenset[int], rotor: Rotor
 ) -> tuple[int, Floats, Floats]:
     """Returns body, position and direction of a rotor, its spin joint counted as fixed."""
-    body, rotation, position = robot.body_of_link(link)
-    direction = rotation @ np.asarray(vector, float)
+    body, rotation, origin = robot.body_of_link(rotor.link)
+    direction = rotation @ np.asarray(rotor.axis, float)
+    position = origin + rotation @ np.asarray(rotor.position, float)
     while body in spinners:
         if abs(abs(direction @ robot.tree.axis[body]) - 1.0) > 1e-6:
             raise DescriptionError(
-                f"rotor '{link}': its own joint '{robot.joint_names[body - 1]}' does not turn "
+                f"rotor '{rotor.label}': its joint '{robot.joint_names[body - 1]}' does not turn "
                 "about its thrust axis; name the joint as roll or pitch, or fix the axis."
+            )
+        if np.linalg.norm(np.cross(rotor.position, rotor.axis)) > 1e-6:
+            raise DescriptionError(
+                f"rotor '{rotor.label}': its position lies off the axis of its own joint "
+                f"'{robot.joint_names[body - 1]}'; name the link that carries that joint."
             )
         mount = robot.tree.rotation[body]
         position = robot.tree.translation[body] + mount @ position
@@ -36,7 +44,7 @@ def _settled(
 def rotors_of(robot: ModelFrames, spinners: frozenset[int]) -> Rotors:
     """Returns the rotors of `robot`, apparatus by apparatus, on the bodies that carry them."""
     rows = [(j, r) for j, a in enumerate(robot.modules.apparatuses) for r in a.rotors]
-    placed = [_settled(robot, spinners, r.link, r.axis) for _, r in rows]
+    placed = [_settled(robot, spinners, r) for _, r in rows]
     return Rotors(
         np.array([p[0] for p in placed], np.int64),
         np.array([p[1] for p in placed], float).reshape(-1, 3),
@@ -60,7 +68,7 @@ def gimbals_of(robot: ModelFrames, rotors: Rotors) -> Gimbals:
         bodies = {int(b) for b in rotors.body[mine]}
         if len(bodies) != 1:
             raise DescriptionError(
-                f"apparatus {j + 1}: its rotors {a.rotor_links} stand on different moving bodies; "
+                f"apparatus {j + 1}: its rotors {a.rotor_labels} stand on different moving bodies; "
                 "make them apparatuses of their own."
             )
         thrust_body[j] = bodies.pop()
@@ -76,7 +84,7 @@ def gimbals_of(robot: ModelFrames, rotors: Rotors) -> Gimbals:
         for joint, body in ((a.roll, roll_body[j]), (a.pitch, pitch_body[j])):
             if body >= 0 and not _carries(robot.tree, int(body), int(thrust_body[j])):
                 raise DescriptionError(
-                    f"apparatus {j + 1}: joint '{joint}' does not turn its rotors {a.rotor_links}."
+                    f"apparatus {j + 1}: joint '{joint}' does not turn its rotors {a.rotor_labels}."
                 )
         base = int(robot.tree.parent[min(above)]) if above else int(thrust_body[j])
         link_body[j], frames[j] = base, np.eye(3)
@@ -95,19 +103,9 @@ def _carries(tree: Tree, body: int, other: int) -> bool:
 
 
 def spinners_of(robot: ModelFrames) -> frozenset[int]:
-    """Returns the bodies that turn on a rotor's own shaft.
-
-    Such a joint is continuous, carries a rotor and no further joint, and is driven neither as a
-    gimbal nor by a servo.
-    """
-    rotors = [n for a in robot.modules.apparatuses for n in a.rotor_links]
-    held = {robot.body_of_link(n)[0] for n in rotors} - {0}
-    driven = robot.gimbal_names | {s.joint for s in robot.modules.servos}
-    parents = set(robot.tree.parent.tolist())
-    names = robot.joint_names
-    free = {b for b in held - parents if names[b - 1] not in driven}
-    model = robot.model
-    return frozenset(b for b in free if model.joints[model.getJointId(names[b - 1])].nq == 2)
+    """Returns the bodies that turn on a rotor's own shaft."""
+    shafts = rotor_shafts(robot.urdf, robot.modules)
+    return frozenset(b + 1 for b, name in enumerate(robot.joint_names) if name in shafts)
 
 
 def base_link(robot: ModelFrames) -> str:

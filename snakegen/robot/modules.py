@@ -14,7 +14,7 @@ from snakegen.robot.modules_element import find_element
 
 @dataclass(frozen=True)
 class Rotor:
-    """A rotor; thrust acts at the origin of `link` along `axis` (link axes)."""
+    """A rotor; thrust acts at `position` of `link` along `axis` (link axes)."""
 
     link: str
     thrust_min: float  # N
@@ -26,6 +26,13 @@ class Rotor:
     inertia: float = 0.0  # kg m², of the spinning part about its axis
     speed: float = 3500.0  # rad/s at thrust_max
     spin: float = 0.0  # +1 counter-clockwise about `axis`, -1, or 0: as the drag ratio says
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, of its disc's centre
+    name: str = ""  # of a rotor that shares its link with others
+
+    @property
+    def label(self) -> str:
+        """The name of its site, actuator and columns: its own, or its link's."""
+        return self.name or self.link
 
 
 @dataclass(frozen=True)
@@ -38,9 +45,9 @@ class Apparatus:
     link: str | None = None  # the link that carries it
 
     @property
-    def rotor_links(self) -> list[str]:
-        """Names of the links that stand for its rotors."""
-        return [r.link for r in self.rotors]
+    def rotor_labels(self) -> list[str]:
+        """Names of its rotors."""
+        return [r.label for r in self.rotors]
 
 
 @dataclass(frozen=True)
@@ -163,7 +170,11 @@ def _apparatus(element: ET.Element) -> Apparatus:
         x, y, z = (float(part) for part in e.get("axis", "0 0 1").split())
         norm = hypot(x, y, z)
         axis = (x, y, z) if abs(norm - 1.0) < 1e-9 else (x / norm, y / norm, z / norm)
-        rotors.append(_fill(Rotor, e, axis=axis))
+        given: dict[str, Any] = {"axis": axis}
+        if "position" in e.attrib:
+            a, b, c = (float(part) for part in e.attrib["position"].split())
+            given["position"] = (a, b, c)
+        rotors.append(_fill(Rotor, e, **given))
     return Apparatus(tuple(rotors), element.get("roll"), element.get("pitch"), element.get("link"))
 
 

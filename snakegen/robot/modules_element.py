@@ -72,6 +72,11 @@ def _axis(text: str) -> None:
         raise ValueError("three numbers, not all 0, are needed, as in '0 0 1'")
 
 
+def _point(text: str) -> None:
+    if len([_number(part) for part in text.split()]) != 3:
+        raise ValueError("three numbers are needed, as in '0.2 0 0'")
+
+
 def _name(text: str) -> None:
     if not text.strip():
         raise ValueError("a name is needed")
@@ -99,7 +104,7 @@ _FIELDS: dict[str, dict[str, Check]] = {
     "vectoring_apparatus": {"link": _name, "roll": _name, "pitch": _name, "position": _share},
     "rotor": {
         "link": _name, "thrust_min": _real, "thrust_max": _positive, "drag_ratio": _real,
-        "axis": _axis, "spin": _spin, **_ROTOR,
+        "axis": _axis, "spin": _spin, "position": _point, "name": _name, **_ROTOR,
     },
     "screw_drive": {
         "joint": _name, "link": _name, "alpha": _real, "radius": _positive, "blades": _count,

@@ -11,10 +11,12 @@ from pydantic import ValidationError
 from snakegen.base import yaml_file
 from snakegen.errors import DescriptionError, near
 from snakegen.robot.modules import Apparatus, Modules, Rotor, Servo
+from snakegen.robot.rotor_shafts import rotor_shafts
 from snakegen.spec.control import Control, GainSet
 from snakegen.spec.defaults import rate_filter
 from snakegen.spec.plant import Plant, Uncertainty
 
+FIELDS = ("floating_root", "link_length", "apparatuses", "servos", "control", "plant")
 _MOST = 2000  # entries of a list
 _ARMATURE = 0.005  # kg m², of a servo that the file says nothing about (assumed)
 
@@ -25,46 +27,53 @@ def from_file(path: Path, root: str) -> Modules:
     Raises:
         DescriptionError: an unknown key, a missing value, or a root that the URDF does not have.
     """
-    data = yaml_file.read(path)
+    return from_data(yaml_file.read(path), path.name, root)
+
+
+def from_data(data: Any, place: str, root: str) -> Modules:
+    """Returns the modules that a modules file holds, read already.
+
+    Args:
+        data: a mapping, as `snakegen.adopt` returns.
+        place: how errors call it, as in ``modules.yaml``.
+        root: name of the URDF's root link.
+
+    Raises:
+        DescriptionError: an unknown key, a missing value, or a root that the URDF does not have.
+    """
     if not isinstance(data, dict):
-        raise DescriptionError(f"{path.name}: write 'floating_root:' and 'apparatuses:'.")
-    _known(
-        data,
-        ("floating_root", "link_length", "apparatuses", "servos", "control", "plant"),
-        path.name,
-    )
+        raise DescriptionError(f"{place}: write 'floating_root:' and 'apparatuses:'.")
+    _known(data, FIELDS, place)
     floating = data.get("floating_root")
     if floating is not None and floating != root:
         raise DescriptionError(
-            f"{path.name}: floating_root '{floating}' is not the URDF's root link '{root}'."
+            f"{place}: floating_root '{floating}' is not the URDF's root link '{root}'."
         )
     lengths = {}
     if "link_length" in data:
-        lengths[root] = _listed_real(data["link_length"], f"{path.name}: link_length")
+        lengths[root] = _listed_real(data["link_length"], f"{place}: link_length")
         if lengths[root] <= 0:
-            raise DescriptionError(f"{path.name}: link_length {lengths[root]:g} m is no length.")
+            raise DescriptionError(f"{place}: link_length {lengths[root]:g} m is no length.")
     found = Modules(
         floating=floating is not None,
         lengths=lengths,
         apparatuses=tuple(
-            _listed_apparatus(a, f"{path.name}: apparatuses[{i + 1}]")
-            for i, a in enumerate(_listed(data, "apparatuses", path.name))
+            _listed_apparatus(a, f"{place}: apparatuses[{i + 1}]", i + 1)
+            for i, a in enumerate(_listed(data, "apparatuses", place))
         ),
         servos=tuple(
-            _listed_servo(s, f"{path.name}: servos[{i + 1}]")
-            for i, s in enumerate(_listed(data, "servos", path.name))
+            _listed_servo(s, f"{place}: servos[{i + 1}]")
+            for i, s in enumerate(_listed(data, "servos", place))
         ),
-        **_flying(data, path.name),
+        **_flying(data, place),
     )
-    found = _with_mode(found, data, path.name)
+    found = _with_mode(found, data, place)
     named: dict[str, str] = {}
     for j, apparatus in enumerate(found.apparatuses):
-        for name in (*apparatus.rotor_links, apparatus.roll, apparatus.pitch):
+        for name in (*apparatus.rotor_labels, apparatus.roll, apparatus.pitch):
             here = f"apparatuses[{j + 1}]"
             if name is not None and name in named:
-                raise DescriptionError(
-                    f"{path.name}: {here} names '{name}', as {named[name]} does."
-                )
+                raise DescriptionError(f"{place}: {here} names '{name}', as {named[name]} does.")
             named[str(name)] = here
     return found
 
@@ -133,35 +142,46 @@ def _listed(data: dict[str, Any], key: str, place: str) -> list[Any]:
     return value
 
 
-def _listed_apparatus(data: Any, place: str) -> Apparatus:
+def _listed_apparatus(data: Any, place: str, number: int) -> Apparatus:
     _known(data, ("roll", "pitch", "link", "rotors"), place)
     rotors = _listed(data, "rotors", place)
     if not rotors:
         raise DescriptionError(f"{place}: 'rotors' is needed, a list of {{link, thrust_max, …}}.")
     joints = [_listed_name(data, key, place) for key in ("roll", "pitch", "link")]
     return Apparatus(
-        tuple(_listed_rotor(r, f"{place}.rotors[{k + 1}]") for k, r in enumerate(rotors)), *joints
+        tuple(
+            _listed_rotor(r, f"{place}.rotors[{k + 1}]", f"rotor{number}_{k + 1}")
+            for k, r in enumerate(rotors)
+        ),
+        *joints,
     )
 
 
-def _listed_rotor(data: Any, place: str) -> Rotor:
+def _listed_rotor(data: Any, place: str, default: str) -> Rotor:
+    """Returns a rotor; one with a position is named `default` where it has no name."""
     _known(data, Rotor.__dataclass_fields__, place)
     link = _listed_name(data, "link", place)
     for key in ("link", "thrust_max"):
         if data.get(key) is None:
             raise DescriptionError(f"{place}: '{key}' is needed.")
     given = data.get("axis", (0.0, 0.0, 1.0))
-    if not isinstance(given, list | tuple) or len(given) != 3:
-        raise DescriptionError(f"{place}.axis: {given!r} is no direction; write [0, 0, 1].")
-    axis = [_listed_real(x, f"{place}.axis") for x in given]
+    wrong = f"{place}.axis: {given!r} is no direction; write [0, 0, 1]."
+    axis = _listed_vector(given, f"{place}.axis", wrong)
     norm = sum(x * x for x in axis) ** 0.5
     if not norm > 0:
-        raise DescriptionError(f"{place}.axis: {given!r} is no direction; write [0, 0, 1].")
-    values = {k: v for k, v in data.items() if k not in ("link", "axis")}
+        raise DescriptionError(wrong)
+    at = data.get("position", (0.0, 0.0, 0.0))
+    wrong = f"{place}.position: {at!r} is no point; write three numbers in m, as [0.2, 0, 0]."
+    position = _listed_vector(at, f"{place}.position", wrong)
+    values = {k: v for k, v in data.items() if k not in ("link", "axis", "position", "name")}
     numbers = {"thrust_min": 0.0, "drag_ratio": 0.0} | {
         k: _listed_real(v, f"{place}.{k}") for k, v in values.items()
     }
-    rotor = Rotor(link=str(link), axis=(axis[0] / norm, axis[1] / norm, axis[2] / norm), **numbers)
+    x, y, z = axis
+    name = _listed_name(data, "name", place) or (default if "position" in data else "")
+    rotor = Rotor(
+        link=str(link), axis=(x / norm, y / norm, z / norm), position=position, name=name, **numbers
+    )
     if not max(rotor.thrust_min, 0.0) < rotor.thrust_max:  # a negative least one: reversible
         raise DescriptionError(
             f"{place}: thrust limits {rotor.thrust_min:g} … {rotor.thrust_max:g} N are no range."
@@ -182,6 +202,13 @@ def _listed_servo(data: Any, place: str) -> Servo:
         if value < 0:
             raise DescriptionError(f"{place}.{key}: {value:g} is negative.")
     return Servo(joint, **numbers)
+
+
+def _listed_vector(value: Any, place: str, wrong: str) -> tuple[float, float, float]:
+    if not isinstance(value, list | tuple) or len(value) != 3:
+        raise DescriptionError(wrong)
+    x, y, z = (_listed_real(part, place) for part in value)
+    return x, y, z
 
 
 def _listed_name(data: dict[str, Any], key: str, place: str) -> str | None:
@@ -209,6 +236,8 @@ def _known(data: Any, names: Any, place: str) -> Any:
 def with_servos(modules: Modules, urdf: str) -> Modules:
     """Returns `modules` with a default servo on each gimbal and each limited joint that has none.
 
+    Shafts of rotors get none.
+
     A URDF does not say what drives a joint; one with limits is no bearing. A servo whose friction
     is not given has that of its joint's <dynamics>.
     """
@@ -219,10 +248,12 @@ def with_servos(modules: Modules, urdf: str) -> Modules:
         if (d := e.find("dynamics")) is not None
     }
     gimbals = {n for a in modules.apparatuses for n in (a.roll, a.pitch)}
+    shafts = rotor_shafts(urdf, modules)
     driven = [
         str(e.get("name"))
         for e in ET.fromstring(urdf).iterfind("joint")
         if e.find("mimic") is None
+        and e.get("name") not in shafts
         and (e.get("type") in ("revolute", "prismatic") or e.get("name") in gimbals)
     ]
     missing = [name for name in driven if name not in served]

@@ -1,7 +1,7 @@
 """Robot: a Pinocchio model and its modules, read from a URDF, the only truth."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -9,14 +9,16 @@ from typing import Any, Literal
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from snakegen.base import yaml_file
 from snakegen.errors import DescriptionError, PostureError, SnakegenError, near
 from snakegen.robot.arrays import configuration_of
 from snakegen.robot.bodies import GRAVITY, RobotBodies
 from snakegen.robot.configuration import Configuration
+from snakegen.robot.floating_root import without_floating_root
 from snakegen.robot.force_sets import force_sets_at, force_shapes
 from snakegen.robot.frames import root_link_of
 from snakegen.robot.modules import Modules, from_urdf
-from snakegen.robot.modules_file import from_file, with_servos
+from snakegen.robot.modules_file import from_data, with_servos
 from snakegen.robot.posture import hover_gimbals
 from snakegen.wrench_margins.force_sets import ForceSets
 
@@ -90,12 +92,15 @@ class Robot(RobotBodies):
         return f"Robot({self.name}: {', '.join(p for p in parts if p)})"
 
 
-def load(source: Any, *, modules: str | Path | None = None) -> Robot:
+ModulesSource = str | Path | Mapping[str, Any]
+
+
+def load(source: Any, *, modules: ModulesSource | None = None) -> Robot:
     """Reads a robot from a preset name, a spec file or RobotSpec, or a URDF file.
 
     Args:
         source: what to read; a path that ends in .urdf is a URDF.
-        modules: a modules file for a URDF that snakegen did not write.
+        modules: a modules file for a URDF that snakegen did not write, or what it holds.
 
     Raises:
         SnakegenError: one line that says what is wrong, where, and what would have worked.
@@ -114,7 +119,7 @@ def from_urdf_text(
     text: str,
     path: Path | None,
     *,
-    modules: str | Path | None = None,
+    modules: ModulesSource | None = None,
     checked: bool = False,
 ) -> Robot:
     """Reads a robot from URDF text that stands, or would stand, at `path`.
@@ -122,17 +127,20 @@ def from_urdf_text(
     Args:
         text: URDF text.
         path: where its meshes are looked for, None to leave them out.
-        modules: a modules file, for text without a <snakegen> element.
+        modules: a modules file or its data, for text without a <snakegen> element.
         checked: the lint has passed it already.
     """
     from snakegen.linter import lint
 
     if not checked:
         lint.check(path if path is not None else text)
+    text, world = without_floating_root(text)
     found = from_urdf(text)
     if modules is not None:
-        found = with_servos(from_file(Path(modules), root_link_of(text)), text)
+        found = with_servos(_read_modules(modules, root_link_of(text), world), text)
     found = Modules(floating=False) if found is None else found
+    if world is not None:
+        found = replace(found, floating=True)
     try:
         root = (pin.JointModelFreeFlyer(),) if found.floating else ()
         model = pin.buildModelFromXML(text, *root)
@@ -149,3 +157,14 @@ def from_urdf_text(
     robot = Robot(str(model.name), text, path, found, model)
     _ = robot.tree, robot.rotors, robot.gimbals  # a wrong name is an error now, not later
     return robot
+
+
+def _read_modules(modules: ModulesSource, root: str, world: str | None) -> Modules:
+    """Reads modules for a root link, which may be named by the link above its floating joint."""
+    if isinstance(modules, Mapping):
+        data, place = dict(modules), "modules"
+    else:
+        data, place = yaml_file.read(Path(modules)), Path(modules).name
+    if isinstance(data, dict) and world is not None and data.get("floating_root") == world:
+        data = data | {"floating_root": root}
+    return from_data(data, place, root)

@@ -22,6 +22,7 @@ from snakegen.description.mjcf.scene_elements import GRAVITY, add_from_rest, low
 from snakegen.description.mjcf.urdf_import import importable
 from snakegen.errors import DescriptionError
 from snakegen.robot.modules import Modules, Servo
+from snakegen.robot.rotor_shafts import rotor_shafts
 
 __all__ = ["decorate", "lowest_point", "scene"]
 
@@ -70,7 +71,7 @@ def decorate(
         if modules.floating:
             root.add_freejoint(name="root")
         _classes(spec)
-        _rotors(spec, modules)
+        _rotors(spec, modules, rotor_shafts(urdf, modules))
         _servos(spec, modules)
         if modules.screws:
             decorate_drive(spec, modules, rollers)
@@ -104,20 +105,19 @@ def _classes(spec: mujoco.MjSpec) -> None:
             geom.classname, geom.group, geom.rgba = collision, 3, _COLLISION_COLOUR
 
 
-def _rotors(spec: mujoco.MjSpec, modules: Modules) -> None:
+def _rotors(spec: mujoco.MjSpec, modules: Modules, shafts: frozenset[str]) -> None:
     """Adds a site and an actuator per rotor: force along the site's z, κ's torque in the gear."""
-    held = {s.joint for s in modules.servos}
-    held |= {n for a in modules.apparatuses for n in (a.roll, a.pitch) if n}
     for apparatus in modules.apparatuses:
         for rotor in apparatus.rotors:
-            body, position, rotation = _carrier(spec, rotor.link, held)
-            site = body.add_site(name=rotor.link, size=[0.005] * 3, group=4)
+            body, position, rotation = _carrier(spec, rotor.link, shafts)
+            position = position + rotation @ np.array(rotor.position)
+            site = body.add_site(name=rotor.label, size=[0.005] * 3, group=4)
             turned = rotation @ rotation_onto(rotor.axis)
             site.pos, site.quat = position, wxyz_from_xyzw(quaternion_xyzw(turned))
             actuator = spec.add_actuator(
-                name=rotor.link,
+                name=rotor.label,
                 trntype=mujoco.mjtTrn.mjTRN_SITE,
-                target=rotor.link,
+                target=rotor.label,
                 gear=[0.0, 0.0, 1.0, 0.0, 0.0, rotor.drag_ratio],
                 ctrlrange=[rotor.thrust_min, rotor.thrust_max],
             )
@@ -126,10 +126,10 @@ def _rotors(spec: mujoco.MjSpec, modules: Modules) -> None:
                 actuator.dynprm[0] = rotor.lag
 
 
-def _carrier(spec: mujoco.MjSpec, link: str, held: set[str]) -> tuple[Any, Floats, Floats]:
+def _carrier(spec: mujoco.MjSpec, link: str, shafts: frozenset[str]) -> tuple[Any, Floats, Floats]:
     """Returns the body that a rotor pushes, and the rotor's position and attitude in it.
 
-    A URDF may let the rotor spin on a continuous joint: thrust and drag then act on what carries
+    A URDF may let the rotor spin on a joint of its own: thrust and drag then act on what carries
     that joint, since nothing could hold the drag torque on a shaft that turns freely.
     """
     body, position, rotation = spec.body(link), np.zeros(3), np.eye(3)
@@ -137,8 +137,7 @@ def _carrier(spec: mujoco.MjSpec, link: str, held: set[str]) -> tuple[Any, Float
     while here.name != "world" and not here.joints:
         chain.append(here)
         here = here.parent
-    joints = [j for j in here.joints if j.type == mujoco.mjtJoint.mjJNT_HINGE]
-    if not joints or _limited(joints[0]) or joints[0].name in held or _has_joints_below(here):
+    if not any(joint.name in shafts for joint in here.joints):
         return body, position, rotation
     for below in (*chain, here):
         turn = rotation_from_xyzw(xyzw_from_wxyz(np.array(below.quat)))
@@ -148,16 +147,6 @@ def _carrier(spec: mujoco.MjSpec, link: str, held: set[str]) -> tuple[Any, Float
 
 def _limited(joint: Any) -> bool:
     return bool(joint.range[0] < joint.range[1])
-
-
-def _has_joints_below(body: Any) -> bool:
-    below = list(body.bodies)
-    while below:
-        here = below.pop()
-        if here.joints:
-            return True
-        below += here.bodies
-    return False
 
 
 def _servos(spec: mujoco.MjSpec, modules: Modules) -> None:

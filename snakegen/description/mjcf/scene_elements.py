@@ -129,7 +129,7 @@ def _hover_thrust(model: mujoco.MjModel, data: mujoco.MjData, rotors: list[Any])
     mujoco.mju_sparse2dense(
         moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
     )
-    ids = [model.actuator(rotor.link).id for rotor in rotors]
+    ids = [model.actuator(rotor.label).id for rotor in rotors]
     q, wanted = moment[ids, :6].T, data.qfrc_bias[:6]
     found = np.linalg.lstsq(q, wanted, rcond=1e-9)[0]
     low = np.array([rotor.thrust_min for rotor in rotors])

@@ -70,7 +70,7 @@ def simulator(world: World, data: mujoco.MjData) -> Simulator:
 def wiring(world: World, plan: Plan) -> Wiring:
     """Returns where the loop finds the robot's quantities."""
     model, robot = world.model, world.robot
-    sites = [model.site(r.link).id for a in robot.modules.apparatuses for r in a.rotors]
+    sites = [model.site(r.label).id for a in robot.modules.apparatuses for r in a.rotors]
     bodies, points, axes, areas = stations(world)
     return Wiring(
         world.qpos,

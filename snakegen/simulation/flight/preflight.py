@@ -107,8 +107,9 @@ def check_start(robot: Robot, controller: Controller, plan: Plan, *, force: bool
     command = _first_command(robot, controller, plan, frame)
     _check_rank(robot, controller, frame, command)
     unmet, limit = _unmet(controller, frame, command), robot.rotors.thrust_max
-    thrust = command.thrust
-    if unmet > 1e-3 or np.any(thrust > limit * (1 + 1e-9)) or np.any(thrust < -1e-9):
+    thrust, least = command.thrust, np.minimum(robot.rotors.thrust_min, 0.0)
+    beyond = np.any(thrust > limit * (1 + 1e-9)) or np.any(thrust < least * (1 + 1e-9) - 1e-9)
+    if unmet > 1e-3 or beyond:
         raise MissionError(
             f"{robot.name} cannot hover in the mission's first posture: thrusts "
             f"{np.round(thrust, 2).tolist()} N for limits {np.round(limit, 2).tolist()} N, "

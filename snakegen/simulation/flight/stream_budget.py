@@ -70,7 +70,7 @@ def stream_wrench(world: World, q: Floats, thrust: Floats, what: Imperfections) 
     mujoco.mj_comPos(model, data)
     cog = data.subtree_com[model.body(robot.root_link).id]
     rotors = [r for a in robot.modules.apparatuses for r in a.rotors]
-    sites = [model.site(r.link).id for r in rotors]
+    sites = [model.site(r.label).id for r in rotors]
     origin, axes = data.site_xpos[sites], data.site_xmat[sites].reshape(-1, 3, 3)[:, :, 2]
     radius = 0.5 * np.array([r.diameter for r in rotors])
     density = what.air_density

@@ -112,7 +112,7 @@ def damper(
         return Damper(0.0, none, rows, rows, nothing, none, none, *calm), 0
     found, model = hinges(world), world.model
     pairs = [a.rotors for a in world.robot.modules.apparatuses]
-    carriers = [int(model.site(rotors[0].link).bodyid[0]) for rotors in pairs]
+    carriers = [int(model.site(rotors[0].label).bodyid[0]) for rotors in pairs]
     beyond = np.zeros((len(found.names), controller.apparatuses), np.int64)
     for e, dof in enumerate(found.dof):
         for j, carrier in enumerate(carriers):

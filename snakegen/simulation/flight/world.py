@@ -105,7 +105,7 @@ def make_world(
         add_springs(spec, lengths, link_stiffness, link_damping)
     if not motor_lag:
         for rotor in (r for a in robot.modules.apparatuses for r in a.rotors):
-            spec.actuator(rotor.link).dyntype = mujoco.mjtDyn.mjDYN_NONE
+            spec.actuator(rotor.label).dyntype = mujoco.mjtDyn.mjDYN_NONE
         for key in list(spec.keys):  # they hold what motors give after their lag
             spec.delete(key)
     spec.option.timestep = timestep
@@ -124,7 +124,7 @@ def make_world(
     model = spec.compile()
     names = list(robot.joint_names)
     joints = [model.joint(n).id for n in names]
-    rotors = [model.actuator(r.link).id for a in robot.modules.apparatuses for r in a.rotors]
+    rotors = [model.actuator(r.label).id for a in robot.modules.apparatuses for r in a.rotors]
     pairs = [(a.roll, a.pitch) for a in robot.modules.apparatuses]
     driven = {s.joint for s in robot.modules.servos}
     chain = [n for n in robot.chain_joints if n in driven]

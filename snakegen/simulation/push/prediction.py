@@ -188,7 +188,7 @@ def _unknowns(load: Load, reach: Reach) -> Floats:
 
 def _names_loaded(load: Load, reach: LoadedReach) -> tuple[str, ...]:
     """Returns what is at its limit at the end of a loaded push, by name."""
-    rotors = [r.link for a in load.robot.modules.apparatuses for r in a.rotors]
+    rotors = [r.label for a in load.robot.modules.apparatuses for r in a.rotors]
     out = []
     for what, i in reach.stopped:
         if what == "servo":

@@ -11,6 +11,7 @@ from snakegen.control.controller import Controller
 from snakegen.control.power import AIR, FIGURE_OF_MERIT
 from snakegen.kernels.flight.run_history import cog_history, quaternions, rotations_of
 from snakegen.kernels.kinematics.chain import forward
+from snakegen.robot.modules import Rotor
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.loop import Flown, rotation_of
 from snakegen.simulation.flight.plan import Plan, frame_targets
@@ -107,7 +108,7 @@ class _Names:
     """Labels of the channels."""
 
     def __init__(self, robot: Robot, world: World) -> None:
-        self.rotors = [r.link for a in robot.modules.apparatuses for r in a.rotors]
+        self.rotors = [r.label for a in robot.modules.apparatuses for r in a.rotors]
         self.gimbals = [
             n for a in robot.modules.apparatuses for n in (a.roll, a.pitch) if n is not None
         ]
@@ -197,6 +198,12 @@ def _slow(
     return out
 
 
+def _rotor_meta(rotor: Rotor) -> dict[str, Any]:
+    """Returns where a log draws a rotor's thrust."""
+    place = {"position": list(rotor.position)} if any(rotor.position) else {}
+    return {"link": rotor.link, "axis": list(rotor.axis), **place}
+
+
 def _meta(robot: Robot, world: World, meta: dict[str, Any]) -> dict[str, Any]:
     """Returns what the log says about the run beside its signals."""
     rotors = [r for a in robot.modules.apparatuses for r in a.rotors]
@@ -209,7 +216,7 @@ def _meta(robot: Robot, world: World, meta: dict[str, Any]) -> dict[str, Any]:
         "weight_n": robot.force_scale,
         "urdf": robot.urdf,
         "urdf_sha256": robot.urdf_hash,
-        "rotors": [{"link": r.link, "axis": list(r.axis)} for r in rotors],
+        "rotors": [_rotor_meta(r) for r in rotors],
         "limits": {
             "thrust_min": [r.thrust_min for r in rotors],
             "thrust_max": [r.thrust_max for r in rotors],

@@ -87,7 +87,7 @@ def rotors_named(robot: Robot, lost: str) -> tuple[int, ...]:
     Raises:
         MissionError: no such rotor or apparatus; the near names are given.
     """
-    links = [r.link for a in robot.modules.apparatuses for r in a.rotors]
+    links = [r.label for a in robot.modules.apparatuses for r in a.rotors]
     known: dict[str, tuple[int, ...]] = {name: (i,) for i, name in enumerate(links)}
     for j in range(len(robot.modules.apparatuses)):
         known[f"apparatus{j + 1}"] = tuple(np.flatnonzero(robot.rotors.apparatus == j).tolist())

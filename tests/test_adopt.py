@@ -1,0 +1,271 @@
+"""Adoption: the modules file that is drafted for a stranger's robot is the one a person writes."""
+
+import json
+from dataclasses import fields
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import snakegen
+from snakegen.analysis.allocation import allocation
+from snakegen.base import yaml_file
+from snakegen.cli import main
+from snakegen.errors import DescriptionError
+from snakegen.robot.adopt import draft
+from snakegen.robot.modules import Rotor, Servo
+from snakegen.robot.modules_file import FIELDS
+from snakegen.robot.modules_schema import MEANINGS, schema
+from tests.foreign_robots import ROBOTS, hexarotor
+
+PAGE = Path(__file__).parent.parent / "docs/modules.md"
+
+
+@pytest.fixture(scope="module")
+def adopted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Returns path and draft of each robot."""
+    folder, out = tmp_path_factory.mktemp("robots"), {}
+    for name, make in ROBOTS.items():
+        path = folder / f"{name}.urdf"
+        path.write_text(make())
+        out[name] = path, draft(path)
+    return out
+
+
+def rotors(data: dict[str, Any]) -> list[dict[str, Any]]:
+    return [r for a in data["apparatuses"] for r in a["rotors"]]
+
+
+def test_motor_plugins_give_spin_thrust_drag_and_lag(adopted: dict[str, Any]) -> None:
+    data = adopted["hexa"][1].data
+    assert data["floating_root"] == "base_link"
+    assert [r["link"] for r in rotors(data)] == [f"rotor_{k}" for k in range(6)]
+    for k, r in enumerate(rotors(data)):
+        assert r["thrust_max"] == pytest.approx(9e-6 * 900**2)
+        assert r["drag_ratio"] == (-0.017 if k % 2 == 0 else 0.017)  # ccw: the body turns back
+        assert r["lag"] == 0.02 and r["axis"] == [0.0, 0.0, 1.0]
+    assert len(adopted["hexa"][1].guesses) == 3  # frames left, root, length
+
+
+@pytest.mark.parametrize("name, count", [("tilt_quad", 4), ("tilt_hexa", 6)])
+def test_tilting_arms_are_gimbals(adopted: dict[str, Any], name: str, count: int) -> None:
+    data = adopted[name][1].data
+    assert len(data["apparatuses"]) == count
+    assert all("tilt" in a["roll"] and "pitch" not in a for a in data["apparatuses"])
+    assert {a["link"] for a in data["apparatuses"]} == {
+        "chassis" if name == "tilt_quad" else "hull"
+    }
+    assert sum(r["drag_ratio"] for r in rotors(data)) == 0.0
+
+
+def test_spins_come_from_names(adopted: dict[str, Any]) -> None:
+    for r in rotors(adopted["tilt_quad"][1].data):
+        assert (r["drag_ratio"] < 0) == ("ccw" in r["link"])
+
+
+def test_rotors_that_point_all_ways_are_reversible_by_their_limits(adopted: dict[str, Any]) -> None:
+    path, made = adopted["omni"]
+    assert all((r["thrust_min"], r["thrust_max"]) == (-9.0, 9.0) for r in rotors(made.data))
+    robot = snakegen.load(path, modules=made.data)
+    a = allocation(robot, robot.configuration())
+    assert np.linalg.matrix_rank(a.dual) == 6
+    shafts = [r["axis"] for r in rotors(made.data)]
+    assert np.allclose(a.rotor_axes, shafts, atol=1e-8)
+
+
+def test_a_snake_with_gimbals_newtons_and_a_global_drag_ratio(adopted: dict[str, Any]) -> None:
+    data = adopted["serpent"][1].data
+    assert data["floating_root"] == "root"
+    for j, a in enumerate(data["apparatuses"], start=1):
+        assert (a["roll"], a["pitch"]) == (f"gimbal{j}_roll", f"gimbal{j}_pitch")
+        assert [r["drag_ratio"] for r in a["rotors"]] == [-0.012, 0.012]
+        assert [r["thrust_max"] for r in a["rotors"]] == [18.0, 18.0]
+        assert [r["axis"] for r in a["rotors"]] == [[0.0, 0.0, 1.0]] * 2  # upwards, both
+
+
+def test_a_snake_without_gimbals_has_none(tmp_path: Path) -> None:
+    text = ROBOTS["serpent"]()
+    for j in range(1, 5):
+        for axis in ("roll", "pitch"):
+            text = text.replace(
+                f'"gimbal{j}_{axis}" type="continuous"', f'"weld{j}_{axis}" type="fixed"'
+            )
+    (tmp_path / "stiff.urdf").write_text(text)
+    data = snakegen.adopt(tmp_path / "stiff.urdf")
+    assert len(data["apparatuses"]) == 8
+    assert not any({"roll", "pitch"} & a.keys() for a in data["apparatuses"])
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_yaml_is_the_data_with_comments(
+    adopted: dict[str, Any], name: str, tmp_path: Path
+) -> None:
+    path, made = adopted[name]
+    (tmp_path / "m.yaml").write_text(made.text)
+    assert yaml_file.read(tmp_path / "m.yaml") == made.data
+    values = [line for line in made.text.splitlines() if ": " in line and line[0] != "#"]
+    assert values and all("  # " in line for line in values)
+    robot = snakegen.load(path, modules=tmp_path / "m.yaml")
+    again = snakegen.load(path, modules=made.data)
+    assert robot.floating and robot.modules == again.modules
+    assert not robot.chain_joints or name == "serpent"
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_an_adopted_robot_is_analysed_and_flies(
+    adopted: dict[str, Any], name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, made = adopted[name]
+    modules = tmp_path / "modules.yaml"
+    modules.write_text(made.text)
+    arguments = ["analyze", "hover", str(path), "--modules", str(modules), "--json"]
+    assert _run(arguments) == 0
+    hover = json.loads(capsys.readouterr().out)
+    assert hover
+    log = ["-o", str(tmp_path / "f.rrd"), "--duration", "3", "--json"]
+    flight = ["analyze", "flight", str(path), "--modules", str(modules), "--mission", "hover", *log]
+    code = _run(flight)
+    found = json.loads(capsys.readouterr().out)
+    assert code == 0 and found["passed"], found
+
+
+def _run(arguments: list[str]) -> int:
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    return int(end.value.code or 0)
+
+
+def test_names_that_are_yaml_words_stay_names(tmp_path: Path) -> None:
+    text = hexarotor().replace('"rotor_0"', '"no: rotor # 0"').replace('"base_link"', '"yes"')
+    (tmp_path / "odd.urdf").write_text(
+        text.replace("<linkName>rotor_0<", "<linkName>no: rotor # 0<")
+    )
+    made = draft(tmp_path / "odd.urdf")
+    (tmp_path / "m.yaml").write_text(made.text)
+    data = yaml_file.read(tmp_path / "m.yaml")
+    assert data == made.data and data["floating_root"] == "yes"
+    assert snakegen.load(tmp_path / "odd.urdf", modules=tmp_path / "m.yaml").floating
+
+
+def test_a_robot_without_rotors_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(
+        '<robot name="arm"><link name="base"/><link name="wheel"/><joint name="j" '
+        'type="continuous"><parent link="base"/><child link="wheel"/></joint></robot>'
+    )
+    with pytest.raises(
+        DescriptionError, match=r"no rotor found by name, shaft or mesh.*modules\.md"
+    ):
+        snakegen.adopt(tmp_path / "arm.urdf")
+
+
+def test_frames_that_were_not_taken_are_listed(tmp_path: Path) -> None:
+    text = hexarotor().replace("rotor_5", "front")
+    (tmp_path / "hexa.urdf").write_text(text)
+    made = draft(tmp_path / "hexa.urdf")
+    assert "imu_link" in made.text.splitlines()[3]
+
+
+def test_command_writes_the_file_and_prints_json(
+    adopted: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, made = adopted["serpent"]
+    out = tmp_path / "modules.yaml"
+    assert _run(["adopt", str(path), "-o", str(out), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["modules"] == made.data and out.read_text() == made.text
+    assert _run(["adopt", str(path)]) == 0
+    assert capsys.readouterr().out == made.text
+
+
+def test_a_floating_root_joint_is_kept_free(adopted: dict[str, Any], tmp_path: Path) -> None:
+    path, made = adopted["tilt_hexa"]
+    assert made.data["floating_root"] == "world"
+    robot = snakegen.load(path)
+    assert robot.floating and robot.root_link == "hull" and robot.model.nv == 12
+    result = snakegen.convert(path, tmp_path / "out", modules=made.data)
+    assert 'type="floating"' in result.urdf.read_text()
+    modules = tmp_path / "modules.yaml"
+    modules.write_text(made.text)
+    found = snakegen.compare(result.urdf, result.mjcf, modules=modules)
+    assert found.same, found.differences
+
+
+@pytest.mark.parametrize(
+    "effort, span, spins", [(0.0, 1.0, True), (1.0, 60.0, True), (1.0, 3.0, False)]
+)
+def test_which_revolute_joints_are_shafts(
+    tmp_path: Path, effort: float, span: float, spins: bool
+) -> None:
+    text = hexarotor()
+    text = text.replace("-1e+16", str(-span / 2)).replace("1e+16", str(span / 2))
+    text = text.replace('effort="0.0"', f'effort="{effort}"')
+    (tmp_path / "hexa.urdf").write_text(text)
+    link = {"floating_root": "base_link", "apparatuses": [
+        {"rotors": [{"link": f"rotor_{k}", "thrust_max": 8.0}]} for k in range(6)]}  # fmt: skip
+    robot = snakegen.load(tmp_path / "hexa.urdf", modules=link)
+    assert len(robot.spinners) == (6 if spins else 0)
+    assert len(robot.modules.servos) == (0 if spins else 6)
+
+
+HEXA = """<robot name="solid"><link name="body"><inertial><mass value="1.3"/>
+<inertia ixx="0.0016" ixy="0" ixz="0" iyy="0.0016" iyz="0" izz="0.003"/></inertial></link>
+</robot>"""
+
+
+def test_rotors_without_links_stand_at_their_positions(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "hexa.urdf").write_text(HEXA)
+    places = [[0.2 * np.cos(a), 0.2 * np.sin(a), 0.02] for a in np.arange(6) * pi / 3]
+    data = {"floating_root": "body", "link_length": 0.3, "apparatuses": [
+        {"rotors": [{"link": "body", "position": [float(x) for x in p], "axis": [0, 0, 2],
+                     "thrust_max": 8, "drag_ratio": 0.016 * (-1) ** k}]}
+        for k, p in enumerate(places)]}  # fmt: skip
+    robot = snakegen.load(tmp_path / "hexa.urdf", modules=data)
+    a = allocation(robot, robot.configuration())
+    expected = [np.r_[0, 0, 1, p[1], -p[0], 0.016 * (-1) ** k] for k, p in enumerate(places)]
+    assert np.allclose(a.dual, np.array(expected).T, atol=1e-12)
+    modules = tmp_path / "modules.yaml"
+    modules.write_text(yaml_file.dump(data))
+    made = snakegen.convert(tmp_path / "hexa.urdf", tmp_path / "out", modules=modules)
+    assert snakegen.compare(made.urdf, made.mjcf, modules=modules).same
+    log = ["--mission", "hover", "--duration", "3", "-o", str(tmp_path / "f.rrd"), "--json"]
+    log.append("--ideal")
+    urdf = str(tmp_path / "hexa.urdf")
+    assert _run(["analyze", "flight", urdf, "--modules", str(modules), *log]) == 0
+    assert json.loads(capsys.readouterr().out)["passed"]
+
+
+@pytest.mark.parametrize("field, value, words", [
+    ("position", [1, 2], "no point"), ("position", [1, 2, "x"], "not a number"),
+    ("axis", [0, 0, 0], "no direction"), ("name", 3, "no name"),
+])  # fmt: skip
+def test_a_wrong_rotor_field_is_named(tmp_path: Path, field: str, value: Any, words: str) -> None:
+    (tmp_path / "hexa.urdf").write_text(HEXA)
+    rotor = {"link": "body", "thrust_max": 20, field: value}
+    data = {"floating_root": "body", "apparatuses": [{"rotors": [rotor]}]}
+    with pytest.raises(DescriptionError, match=rf"rotors\[1\]\.{field}.*{words}"):
+        snakegen.load(tmp_path / "hexa.urdf", modules=data)
+
+
+def test_two_rotors_of_one_name_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "hexa.urdf").write_text(HEXA)
+    rotor = {"link": "body", "thrust_max": 20, "position": [0, 0, 1], "name": "twin"}
+    data = {"floating_root": "body", "apparatuses": [{"rotors": [rotor]}, {"rotors": [rotor]}]}
+    with pytest.raises(DescriptionError, match=r"apparatuses\[2\] names 'twin', as"):
+        snakegen.load(tmp_path / "hexa.urdf", modules=data)
+
+
+def test_schema_and_page_name_every_field(capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run(["schema", "--modules"]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(schema()))
+    assert tuple(schema()["properties"]) == FIELDS
+    rotor = schema()["properties"]["apparatuses"]["items"]["properties"]["rotors"]["items"]
+    assert set(rotor["properties"]) == {f.name for f in fields(Rotor)}
+    page = PAGE.read_text(encoding="utf-8")
+    names = {*FIELDS, *(f.name for f in fields(Rotor)), *(f.name for f in fields(Servo))}
+    for name in names:
+        assert f"| `{name}` |" in page, name
+        assert MEANINGS[name]
