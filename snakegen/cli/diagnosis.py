@@ -155,5 +155,6 @@ def _extras() -> Iterator[Finding]:
 
 EXTRAS = {
     "cluster": ("distributed", "sweeps on a Dask cluster"),
+    "usd": ("pxr", "build --format usd"),
 }
 """Extra → the module that it brings, and what it is for."""

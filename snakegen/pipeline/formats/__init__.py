@@ -1,0 +1,1 @@
+"""What a build can become for others: a ROS 2 package, a Menagerie folder, a USD stage."""
