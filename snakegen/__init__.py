@@ -13,6 +13,7 @@ __all__ = [
     "PostureMargins",
     "Robot",
     "RobotSpec",
+    "SimulatedRecording",
     "SnakegenError",
     "adopt",
     "build",
@@ -22,6 +23,7 @@ __all__ = [
     "load",
     "margin_gradient",
     "margins",
+    "simulate",
 ]
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from snakegen.analysis.posture_margins import PostureMargins, margins
     from snakegen.errors import SnakegenError
     from snakegen.linter.lint import lint
+    from snakegen.log.simulate import SimulatedRecording, simulate
     from snakegen.pipeline.build import build
     from snakegen.pipeline.compare import compare
     from snakegen.pipeline.convert import convert
@@ -48,6 +51,8 @@ _HOME = {
     "margins": "snakegen.analysis.posture_margins",
     "load": "snakegen.robot.robot",
     "margin_gradient": "snakegen.sensitivity.margin_gradient",
+    "simulate": "snakegen.log.simulate",
+    "SimulatedRecording": "snakegen.log.simulate",
     "Configuration": "snakegen.robot.configuration",
     "PostureMargins": "snakegen.analysis.posture_margins",
     "Robot": "snakegen.robot.robot",

@@ -1,14 +1,18 @@
 """The public Python surface: typed results, short `repr`, and what `dir` shows."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
 import snakegen
+from snakegen import log
 from snakegen.analysis.allocation import allocation
-from snakegen.errors import AnalysisError, SnakegenError
+from snakegen.errors import AnalysisError, LogError, SnakegenError
+from snakegen.simulation.flight.run import run
+from snakegen.spec.loading import load_spec
 
 BENT = {"joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw": 1.0}
 
@@ -125,6 +129,48 @@ def test_margins_refuse_in_one_line(dragon: snakegen.Robot) -> None:
 def test_what_is_printed_is_short(dragon: snakegen.Robot) -> None:
     """Each public object prints itself in one line."""
     q = dragon.configuration(BENT, gimbals="hover")
-    for thing in (dragon, q, snakegen.margins(q), snakegen.margins(q, "dual_rotor")):
+    m = snakegen.margins(q)
+    dual = snakegen.margins(q, "dual_rotor")
+    for thing in (dragon, q, m, dual, load_spec("dragon4")):
         assert "\n" not in repr(thing) and len(repr(thing)) < 240, repr(thing)
         assert "dragon4" in repr(thing)
+    for thing in (m.exact, dual.exact, allocation(dragon, q)):
+        assert "\n" not in repr(thing) and len(repr(thing)) < 120, repr(thing)
+
+
+def test_simulate_returns_arrays_verdict_and_saves(tmp_path: Path) -> None:
+    """A short flight: arrays by name, a verdict, short when printed, and a log that reads back."""
+    flown = snakegen.simulate("dragon4", "hover", seed=3, duration=1.0, posture=BENT)
+    assert flown["position"].shape == (200, 3) and "thrust" in flown and "q" in flown.names
+    assert flown.verdict is not None and flown.passed == flown.verdict.passed
+    for thing in (flown, flown.verdict, flown.verdict.checks[0], flown.channel("position")):
+        assert "\n" not in repr(thing) and len(repr(thing)) < 240
+    assert "dragon4 hover, seed 3" in repr(flown)
+    with pytest.raises(LogError, match="position"):
+        flown["positon"]
+    back = log.read(flown.save(tmp_path / "hover.rrd"))
+    assert np.array_equal(back["q"], flown["q"]) and back.metrics == flown.metrics
+    same = run(
+        snakegen.load("dragon4"), "hover", seed=3, options={"duration": 1.0, "posture": BENT}
+    )
+    assert np.array_equal(same["q"], flown["q"])
+
+
+def test_simulate_takes_a_configuration_as_its_start(dragon: snakegen.Robot) -> None:
+    """Joints and attitude are those of the configuration; the mission points the gimbals."""
+    q = dragon.configuration(BENT | {"base_rpy": (0.0, 0.1, 0.2)}, gimbals="hover")
+    flown = snakegen.simulate(dragon, "hover", duration=0.1, ideal=True, posture=q)
+    np.testing.assert_allclose(flown["joint_angle"][0], [0, 1, 0, 1, 0, 1], atol=1e-9)
+    np.testing.assert_allclose(flown["q"][0, 3:7], q[3:7], atol=1e-9)
+
+
+def test_simulate_refuses_in_one_line(dragon: snakegen.Robot) -> None:
+    for mission, options, words in (
+        ("hovr", {}, "Did you mean 'hover'"),
+        ("hover", {"heigth": 1.0}, "Did you mean 'height'"),
+        ("table3", {}, "needs an arm"),
+        ("hover", {"duration": 1e9}, "would fit"),
+    ):
+        with pytest.raises(SnakegenError, match=words) as refused:
+            snakegen.simulate(dragon, mission, **options)
+        assert "\n" not in str(refused.value) and "--" not in str(refused.value)

@@ -102,11 +102,11 @@ def test_build_and_save_spec(run, tmp_path: Path) -> None:
     made = run("build", "dragon4", "--links", "3", "--no-picture", "--save-spec", "mine/three.yaml")
     assert made.code == 0 and made.err == ""
     lines = made.out.splitlines()
-    assert lines[0] == "generated/dragon4/dragon4.urdf"
+    assert lines[0] == "generated/dragon4-links3/dragon4.urdf"
     assert all((tmp_path / line).is_file() for line in lines[:-1])
     assert re.match(r"URDF and MJCF agree: worst error \d\.\de-\d\d", lines[-1])
     assert run("build", "mine/three.yaml", "--no-picture", "-o", "again").code == 0
-    first, again = (tmp_path / d / "dragon4.urdf" for d in ("generated/dragon4", "again"))
+    first, again = (tmp_path / d / "dragon4.urdf" for d in ("generated/dragon4-links3", "again"))
     assert first.read_bytes() == again.read_bytes()
 
 

@@ -86,10 +86,12 @@ def test_links_and_pictures_exist() -> None:
                 assert path.suffix != ".png" or path.stat().st_size < 300_000
 
 
-def test_the_python_example_runs() -> None:
+def test_the_python_example_runs(tmp_path: Path) -> None:
     """The block under "From Python" runs as it stands and prints two numbers and their bounds."""
     code = re.search(r"```python\n(.*?)```", README, re.S)
     assert code is not None
-    ran = subprocess.run([sys.executable, "-c", code.group(1)], capture_output=True, text=True)
+    command = [sys.executable, "-c", code.group(1)]
+    ran = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     assert ran.returncode == 0, ran.stderr
+    assert (tmp_path / "hover.rrd").stat().st_size > 100_000
     assert float(ran.stdout.split()[0]) > 1 and float(ran.stdout.split()[1]) > 1

@@ -54,7 +54,7 @@ REFUSED = [
     ("analyze flight dragon4 --mission hover --option x=1", 1, "has no option 'x'"),
     ("analyze flight dragon4 --mission hover --duration -1", 1, "more than 0 is needed"),
     ("analyze flight dragon4 --duration 1e9", 1, "dragon4: a run of 1e+09 s would take 1.6e+06 GB"),
-    ("analyze flight screw4 --mission lcrank --duration inf", 1, "GB are free: --duration "),
+    ("analyze flight screw4 --mission lcrank --duration inf", 1, "GB are free: a duration of "),
     ("analyze flight dragon4 --seed -5", 1, "--seed: -5 is not in the range; 0 or more"),
     ("analyze flight dragon4 --trials 2 --seed -5", 1, "--seed: -5 is not in the range; 0 or more"),
     ("analyze flight dragon4 --trials 0", 1, "--trials: 0 is not in the range; 1 or more"),
@@ -140,7 +140,7 @@ def test_what_memory_holds_is_not_refused(monkeypatch: pytest.MonkeyPatch) -> No
     robot = load("dragon4")  # 6 + 6 joints + 8 gimbals, 200 Hz: 1.6 MB a second, half of 4 GB
     refuse_too_long(robot, 1249.0)
     for at_once, most in ((1, 1125), (2, 562)):
-        with pytest.raises(AnalysisError, match=f"--duration {most} would fit"):
+        with pytest.raises(AnalysisError, match=f"duration of {most} s would fit"):
             refuse_too_long(robot, 1251.0 / at_once, at_once)
         refuse_too_long(robot, most, at_once)
 

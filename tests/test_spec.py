@@ -288,3 +288,21 @@ def test_random_specs_give_clean_urdfs(data: dict[str, Any]) -> None:
     assert len(robot.chain_joints) == sum(map(len, resolved["joint"]["axes"][: n - 1]))
     assert len(robot.rotors.body) == sum(thrusters.get("rotors", []))
     assert np.isfinite(robot.configuration()).all()
+
+
+def test_a_changed_spec_has_a_folder_of_its_own() -> None:
+    """What overrides change does not write over the folder of the preset."""
+    for overrides, name in (
+        ({}, "dragon4"),
+        ({"links": 4}, "dragon4"),  # as it is
+        ({"links": 6}, "dragon4-links6"),
+        ({"links": 6, "apparatus": "1,3,5@0.3"}, "dragon4-links6-apparatus1-3-5@0.3"),
+        ({"overrides": ["chain.mass=2.5"]}, "dragon4-chain.mass2.5"),
+        ({"overrides": ["name=six", "chain.mass=2.5"]}, "six-chain.mass2.5"),
+    ):
+        assert load_spec("dragon4", **overrides).variant == name
+    long = [f"chain.mass=[{m}, 2, 2, 2]" for m in (2.001, 2.002)]
+    names = {
+        load_spec("dragon4", overrides=[text, "plant.delay=0.0123456789"]).variant for text in long
+    }
+    assert len(names) == 2 and all(len(n) <= 60 for n in names)

@@ -13,7 +13,7 @@ from snakegen.kernels.kinematics.chain import forward, mass_properties
 from snakegen.robot.robot import GRAVITY, Robot
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Allocation:
     """Mass properties and allocation matrices of a posture.
 
@@ -48,6 +48,11 @@ class Allocation:
     thrust_points: Floats
     link_axes: Floats
     drag: Floats
+
+    def __repr__(self) -> str:
+        """Returns mass and sizes in one line."""
+        rotors, apparatuses = self.dual.shape[1], self.virtual.shape[1]
+        return f"Allocation({self.mass:.4g} kg, {rotors} rotors, {apparatuses} apparatuses)"
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data for a program; keys carry units."""

@@ -78,7 +78,7 @@ def _command(entry: Entry) -> click.Command:
             head |= {"posture_rad": posture_json(machine, q)}
             print_json(head | result.to_json())
         else:
-            title = f"{machine.name}: {entry.command}; {posture_line(machine, q)}"
+            title = f"{source.folder(machine)}: {entry.command}; {posture_line(machine, q)}"
             print_rows(title, result.rows())
 
     # the analysis' own options stand first in its help

@@ -20,7 +20,11 @@ from snakegen.errors import DescriptionError
 
 @click.command(context_settings=HELP)
 @click.option(
-    "-o", "--out", metavar="DIR", type=click.Path(), help="Folder; generated/<robot> by default."
+    "-o",
+    "--out",
+    metavar="DIR",
+    type=click.Path(),
+    help="Folder; generated/<robot> by default, <robot>-links6 and the like of a changed one.",
 )
 @rollers_option
 @click.option(

@@ -125,7 +125,11 @@ def flight(
     at_once = min(trials or 1, workers or os.cpu_count() or 1)
     refuse_too_long(machine, chosen.get("duration") or 0.0, at_once)
     # a mission file's own folder and ending are no part of the log's name
-    path = Path(out) if out else Path("generated") / machine.name / f"{Path(mission).stem}.rrd"
+    path = (
+        Path(out)
+        if out
+        else Path("generated") / source.folder(machine) / f"{Path(mission).stem}.rrd"
+    )
     meshes = meshes_of(source, machine, path)
     bar = progress_bar(f"{machine.name} {mission}")
     how: dict[str, Any] = {"gains": gains, "allocator": allocator, "ideal": ideal}

@@ -23,18 +23,17 @@ def mesh_folder(robot: Any, log: Path) -> Path:
     for folder in (log.parent, Path("generated") / robot.name):
         if (folder / "meshes").is_dir():
             return folder
-    from snakegen.description.meshes.parts import unit_meshes, write_meshes
-
-    made = Path(click.get_current_context().with_resource(TemporaryDirectory()))
-    write_meshes(made / "meshes", unit_meshes())
-    return made
+    return _made()
 
 
 def drum_folder(spec: Any) -> Path:
     """Makes the meshes of a spec with drums: those of an earlier build may have another helix."""
-    from snakegen.description.meshes.parts import unit_meshes, write_meshes
-    from snakegen.description.meshes.screw_units import drum_meshes
+    return _made(spec)
 
-    made = Path(click.get_current_context().with_resource(TemporaryDirectory()))
-    write_meshes(made / "meshes", unit_meshes() | drum_meshes(spec.resolved()))
-    return made
+
+def _made(spec: Any = None) -> Path:
+    """Returns a folder with meshes that lasts as long as the command."""
+    from snakegen.description.meshes.folder import write_robot_meshes
+
+    folder = click.get_current_context().with_resource(TemporaryDirectory())
+    return write_robot_meshes(Path(folder), spec)

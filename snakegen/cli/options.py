@@ -74,6 +74,11 @@ class Source:
             return robot
         return load(self.spec(), modules=self.modules)
 
+    def folder(self, robot: Any) -> str:
+        """Returns the name of what is made of `robot`, as in dragon4, or dragon4-links6."""
+        changed = self.links is not None or self.apparatus is not None or self.overrides
+        return str(self.spec().variant) if changed and not self.is_xml else str(robot.name)
+
     def rolling_on(self, rollers: str | None) -> "Source":
         """Returns the source with the choice of --rollers among its overrides."""
         if rollers is None:

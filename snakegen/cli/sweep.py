@@ -96,7 +96,7 @@ def sweep(
         if table
         else sampling(kind, samples, seed, low, high)
     )
-    path = Path(out) if out else Path("generated") / machine.name / "sweep.parquet"
+    path = Path(out) if out else Path("generated") / source.folder(machine) / "sweep.parquet"
     identity = {
         "seed": seed,
         "sampling": "table" if table else kind,
@@ -124,7 +124,9 @@ def sweep(
         return
     for file in files.values():
         note(file)
-    print_rows(f"{machine.name}: sweep of {summary['postures']:,} postures", _rows(summary))
+    print_rows(
+        f"{source.folder(machine)}: sweep of {summary['postures']:,} postures", _rows(summary)
+    )
 
 
 class Interrupted(SnakegenError):

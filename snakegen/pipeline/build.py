@@ -20,7 +20,7 @@ class GateError(SnakegenError):
     exit_code = 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Build:
     """What a build wrote.
 
@@ -44,6 +44,10 @@ class Build:
     equivalence: Any
     warnings: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        """Returns where the files are."""
+        return f"Build({self.urdf.parent}: {self.urdf.name}, {self.mjcf.name}, {self.scene.name})"
+
 
 def build(
     source: str | Path | RobotSpec,
@@ -52,7 +56,8 @@ def build(
     picture: bool = True,
     mesh_uri: str = "relative",
 ) -> Build:
-    """Builds a robot into `out_dir` (default ``generated/<name>`` under the current folder).
+    """Builds a robot into `out_dir` (default ``generated/<name>``, or ``<name>-links6`` and
+    the like of a changed spec, under the current folder).
 
     Args:
         source: preset name, spec file, or RobotSpec.
@@ -70,7 +75,7 @@ def build(
     from snakegen.spec.warnings import warnings
 
     spec = load_spec(source)
-    target = Path(out_dir) if out_dir is not None else Path("generated") / spec.name
+    target = Path(out_dir) if out_dir is not None else Path("generated") / spec.variant
     with folder_whole(target) as folder:
         spec_path = folder / f"{spec.name}.spec.yaml"
         resolved = spec.resolved()

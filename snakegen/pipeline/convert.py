@@ -10,7 +10,7 @@ from snakegen.errors import DescriptionError
 from snakegen.robot.robot import Robot, load
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Conversion:
     """What a conversion wrote.
 
@@ -27,6 +27,11 @@ class Conversion:
     scene: Path
     equivalence: Any
     warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """Returns where the files are."""
+        names = (self.urdf.name, self.mjcf.name, self.scene.name)
+        return f"Conversion({self.urdf.parent}: {', '.join(names)})"
 
 
 def convert(

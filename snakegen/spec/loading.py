@@ -1,6 +1,7 @@
 """Reading specs: presets, files and overrides, with errors that name the place and the remedy."""
 
 import copy
+import hashlib
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -15,6 +16,8 @@ from snakegen.errors import SpecError, near
 from snakegen.spec import link_count
 from snakegen.spec.inertia_scaling import scale_inertias
 from snakegen.spec.robot_spec import RobotSpec
+
+_LONGEST = 60  # characters of a variant's name
 
 
 def templates_folder() -> Path:
@@ -48,6 +51,7 @@ def load_spec(
         SpecError: one line that says what, where, and what would have worked.
     """
     data, label, folder = _raw(source)
+    overrides = tuple(overrides)
     given = copy.deepcopy(data)
     before = data["chain"].get("links") if isinstance(data.get("chain"), dict) else None
     options: dict[str, str] = {}  # names, by the field that they set
@@ -70,10 +74,32 @@ def load_spec(
     try:
         spec = _checked(data, folder)
         spec.__dict__["scaled"] = tuple(scaled)
+        if data != given:
+            spec.__dict__["variant"] = variant_name(spec.name, links, apparatus, overrides)
         return spec
     except ValidationError as error:
         options = options if _is_valid(given, folder) else {}
         raise SpecError(_explain(error, data, label, options)) from None
+
+
+def variant_name(
+    name: str, links: int | None, apparatus: str | None, overrides: Iterable[str]
+) -> str:
+    """Returns the folder's name of a spec that was changed, as in ``dragon4-links6``.
+
+    Names beyond 60 characters end in a digest of what they leave out.
+    """
+    parts = [f"links{links}"] if links is not None else []
+    parts += [f"apparatus{apparatus}"] if apparatus is not None else []
+    for item in overrides:
+        path, _, value = item.partition("=")
+        if path.strip() != "name":
+            parts.append(f"{path.strip()}{value.strip()}")
+    text = re.sub(r"[^A-Za-z0-9_.@-]+", "-", "-".join([name, *parts])).strip("-.")
+    if len(text) <= _LONGEST:
+        return text
+    digest = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:8]
+    return f"{text[: _LONGEST - 9].rstrip('-.')}-{digest}"
 
 
 def validate(data: Any, label: str, folder: Path = Path()) -> RobotSpec:

@@ -33,6 +33,11 @@ class RobotSpec(SpecSections):
         """Inertias that follow masses and sizes set over a file's; no field either."""
         return ()
 
+    @cached_property
+    def variant(self) -> str:
+        """Name of the folder for what is made of it: `name`, and what was changed on the way."""
+        return self.name
+
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> "RobotSpec":
         if info.context is not None:
@@ -41,6 +46,16 @@ class RobotSpec(SpecSections):
             raise ValueError("cables: they start at a fixed base; this one is floating")
         resolve(self)  # every list length, link number and inertia is checked where it is used
         return self
+
+    def __repr__(self) -> str:
+        """Returns name, links, base and modules in one line."""
+        modules = ("vectoring_apparatus", "screw_drive", "caster", "payload", "cables", "battery")
+        carried = [name for name in modules if getattr(self, name) is not None]
+        base = "floating" if self.base == "floating" else "fixed"
+        parts = [f"{self.chain.links} links", f"{base} base", *carried]
+        return f"RobotSpec({self.name}: {', '.join(parts)})"
+
+    __str__ = __repr__
 
     def resolved(self) -> dict[str, Any]:
         """Returns the spec as plain data with lists spelled out and inertias computed."""

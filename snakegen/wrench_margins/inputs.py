@@ -103,3 +103,14 @@ def hover(hover_wrench: ArrayLike, postures: int | None) -> Floats:
         return array("hover_wrench", hover_wrench, (6,))
     wrench = array("hover_wrench", hover_wrench, (6,), (postures, 6))
     return np.ascontiguousarray(np.broadcast_to(wrench, (postures, 6)))
+
+
+def margins_text(kind: str, wrench: Floats, force: Floats, torque: Floats) -> str:
+    """Returns one line for margins of one posture, or of a batch."""
+    if np.ndim(wrench):
+        return f"{kind}({len(wrench)} postures)"
+    if not wrench >= 0.0:
+        return f"{kind}(hover is infeasible by {-float(wrench):.3g}, scaled)"
+    return (
+        f"{kind}(force {float(force):.4g} N, torque {float(torque):.4g} N m, wrench {wrench:.3g})"
+    )

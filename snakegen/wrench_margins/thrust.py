@@ -16,7 +16,7 @@ SATURATED = 1e-9  # a rotor whose product with the facet normal is below this sh
 TIED = 1e-9  # of h(d): a hover this near to the middle is as far from the opposite facet
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ThrustMargins:
     """Margins of one posture, or of m postures (then every array has m in front).
 
@@ -43,6 +43,10 @@ class ThrustMargins:
     upper: Floats
     hover_wrench: Floats
     scale: Floats
+
+    def __repr__(self) -> str:
+        """Returns the margins in one line; of a batch, how many postures there are."""
+        return inputs.margins_text("ThrustMargins", self.wrench, self.force, self.torque)
 
     @property
     def feasible(self) -> NDArray[np.bool_]:

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 NAMES = ("wrench", "force", "torque")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class VectoredMargins:
     """Margins of one posture, or of m postures (then every array has m in front).
 
@@ -42,6 +42,10 @@ class VectoredMargins:
     sets: ForceSets
     hover_wrench: Floats
     scale: Floats
+
+    def __repr__(self) -> str:
+        """Returns the margins in one line; of a batch, how many postures there are."""
+        return inputs.margins_text("VectoredMargins", self.wrench, self.force, self.torque)
 
     @property
     def points(self) -> Floats:

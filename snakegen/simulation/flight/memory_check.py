@@ -30,5 +30,5 @@ def refuse_too_long(robot: Robot, seconds: float, at_once: int = 1) -> None:
     refuse_beyond(
         second * seconds,
         f"{robot.name}: a run of {seconds:g} s{side_by_side}",
-        f"--duration {fits} would fit" if fits > 0 else "a shorter chain would",
+        f"a duration of {fits} s would fit" if fits > 0 else "a shorter chain would",
     )

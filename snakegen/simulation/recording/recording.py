@@ -8,7 +8,7 @@ has the run's time axis or one of its own (200 Hz ticks beside 20 Hz margins).
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -83,7 +83,7 @@ STANDARD: dict[str, Standard] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Channel:
     """A named signal: `values` (T, k) with one label a column; NaN where it is undefined."""
 
@@ -93,6 +93,12 @@ class Channel:
     group: str
     meaning: str = ""
     time: Floats | None = None  # (T,) s; None: the recording's own
+
+    def __repr__(self) -> str:
+        """Returns size, unit and meaning in one line."""
+        rows, columns = self.values.shape
+        about = f": {self.meaning}" if self.meaning else ""
+        return f"Channel({rows} × {columns}, {self.unit or 'no unit'}{about})"
 
 
 class Event(NamedTuple):
@@ -145,7 +151,7 @@ def channel(
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """One verification run.
 
@@ -178,6 +184,33 @@ class Recording:
                 json.dumps(value)
             except (TypeError, ValueError) as error:
                 raise LogError(f"the recording's {what} cannot be JSON: {error}") from None
+
+    def __getitem__(self, name: str) -> Floats:
+        """Returns the values (T, k) of the channel `name`; LogError names the near ones."""
+        return self.channel(name).values
+
+    def __contains__(self, name: object) -> bool:
+        """Tells whether there is a channel `name`."""
+        return name in self.channels
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterates over the names of the channels."""
+        return iter(self.channels)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return tuple(self.channels)
+
+    def __repr__(self) -> str:
+        """Returns the run, its length and its verdict in one line."""
+        told = (str(self.meta[k]) for k in ("robot", "mission") if k in self.meta)
+        run = [" ".join(told) or "run"]
+        run += [f"seed {self.meta['seed']}"] if "seed" in self.meta else []
+        seconds = float(self.time[-1] - self.time[0])
+        size = f"{len(self.time)} samples in {seconds:.4g} s, {len(self.channels)} signals"
+        end = self.verdict.summary() if self.verdict is not None else "not judged"
+        return f"{type(self).__name__}({', '.join(run)}: {size}; {end})"
 
     @property
     def recorded(self) -> frozenset[str]:

@@ -49,7 +49,7 @@ class Place:
         return f"{at}{self.time_s:.2f} s"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Check:
     """One check: `metric` against `bound`; None, not measured or never reached, does not pass.
 
@@ -63,6 +63,10 @@ class Check:
     passed: bool
     worst: Place | None = None
 
+    def __repr__(self) -> str:
+        """Returns the check as one line of text."""
+        return f"Check({' '.join(self.line().split())})"
+
     def line(self) -> str:
         """Returns the check as one line of text."""
         mark = "ok  " if self.passed else "FAIL"
@@ -71,11 +75,15 @@ class Check:
         return text if self.worst is None else f"{text} at {self.worst.text()}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Verdict:
     """All checks of a run; it passes when each of them does, and there is at least one."""
 
     checks: tuple[Check, ...]
+
+    def __repr__(self) -> str:
+        """Returns the summary."""
+        return f"Verdict({self.summary()})"
 
     @property
     def passed(self) -> bool:
