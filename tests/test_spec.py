@@ -301,6 +301,9 @@ def test_a_changed_spec_has_a_folder_of_its_own() -> None:
         ({"overrides": ["name=six", "chain.mass=2.5"]}, "six-chain.mass2.5"),
     ):
         assert load_spec("dragon4", **overrides).variant == name
+    six = load_spec("dragon4", links=6)
+    assert load_spec(six) is six
+    assert load_spec(six, overrides=["chain.mass=3"]).variant == "dragon4-links6-chain.mass3"
     long = [f"chain.mass=[{m}, 2, 2, 2]" for m in (2.001, 2.002)]
     names = {
         load_spec("dragon4", overrides=[text, "plant.delay=0.0123456789"]).variant for text in long

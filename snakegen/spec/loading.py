@@ -50,8 +50,10 @@ def load_spec(
     Raises:
         SpecError: one line that says what, where, and what would have worked.
     """
-    data, label, folder = _raw(source)
     overrides = tuple(overrides)
+    if isinstance(source, RobotSpec) and links is None and apparatus is None and not overrides:
+        return source
+    data, label, folder = _raw(source)
     given = copy.deepcopy(data)
     before = data["chain"].get("links") if isinstance(data.get("chain"), dict) else None
     options: dict[str, str] = {}  # names, by the field that they set
@@ -75,7 +77,8 @@ def load_spec(
         spec = _checked(data, folder)
         spec.__dict__["scaled"] = tuple(scaled)
         if data != given:
-            spec.__dict__["variant"] = variant_name(spec.name, links, apparatus, overrides)
+            name = source.variant if isinstance(source, RobotSpec) else spec.name
+            spec.__dict__["variant"] = variant_name(name, links, apparatus, overrides)
         return spec
     except ValidationError as error:
         options = options if _is_valid(given, folder) else {}
