@@ -17,6 +17,7 @@ from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.run import prepare, run
 from snakegen.simulation.flight.wind import DRYDEN_LENGTHS, dryden, one_minus_cosine, steady
 from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.missions.flight.hover import Options
 from snakegen.simulation.missions.flight.hover import plan as hover
 from snakegen.simulation.monte_carlo import Spread
 from snakegen.simulation.recording.rotor_signals import roll_moments
@@ -43,7 +44,7 @@ class Tied:
 
     def __init__(self, robot, **changes):
         what = Imperfections(**changes)
-        self.plan = hover(robot, 200.0, duration=0.1)
+        self.plan = hover(robot, 200.0, Options(duration=0.1))
         self.world = make_world(robot)
         self.model, self.data = self.world.model, mujoco.MjData(self.world.model)
         self.world.set_state(self.data, self.plan.start)

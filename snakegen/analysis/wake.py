@@ -1,4 +1,4 @@
-"""Wake: rotors that stand in the stream of another apparatus, named, with the distance.
+"""Wake: rotors that stand in the stream of another rotor, named, with distance and thrust lost.
 
 Links that a stream blows on, the rotor's own among them, are named with the thrust they take.
 """
@@ -16,6 +16,7 @@ from snakegen.errors import AnalysisError
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.robot.modules import Rotor
 from snakegen.robot.robot import Robot
+from snakegen.robot.rotor_streams import mean_inflow, thrust_kept
 
 COMMAND = "wake"
 ORDER = 45
@@ -47,11 +48,12 @@ class Overlap:
     distance: float  # m, along the stream
     offset: float  # m, from the stream's axis
     covered: float  # share of the reach between touching (0) and centred (1)
+    lost: float = 0.0  # share of its thrust that `hit` loses, both rotors at the same disc loading
 
 
 @dataclass(frozen=True)
 class Wake:
-    """Overlaps between rotors of different apparatuses, nearest first; links that are blown on.
+    """Overlaps between rotors, nearest first; links that are blown on.
 
     Links are listed by what they take, from 1 % of a rotor's thrust on.
     """
@@ -89,7 +91,7 @@ class Wake:
             return [("wake", f"no rotor stands in another's stream within {self.reach:g} m")]
         shown = [
             ("wake", f"{o.hit} is in the stream of {o.source}, {o.distance:.2f} m downstream "
-                     f"({100 * o.covered:.0f} % covered)")
+                     f"({100 * o.covered:.0f} % covered), loses {100 * o.lost:.2g} % of its thrust")
             for o in self.overlaps[:6]
         ]  # fmt: skip
         if len(self.overlaps) > 6:
@@ -98,36 +100,41 @@ class Wake:
 
 
 def applies(robot: Robot) -> bool:
-    """More than one apparatus, or one on links of known length."""
-    return len(robot.modules.apparatuses) > (0 if robot.modules.lengths else 1)
+    """More than one rotor, or one on links of known length."""
+    rotors = sum(len(a.rotors) for a in robot.modules.apparatuses)
+    return rotors > (0 if robot.modules.lengths else 1)
 
 
 def analyze(robot: Robot, q: Floats, reach: float = 2.0, spread: float = 0.10) -> Wake:
     """Returns which rotor discs the streams touch, and which links they blow on.
 
     A stream is a cone along −u from its rotor: radius ``r + spread · d`` at distance d. A disc of
-    radius r' at offset e is touched where ``e < r + spread d + r'``. A simple geometric model.
+    radius r' at offset e is touched where ``e < r + spread d + r'``. What it loses is momentum
+    theory's share at the same power, as the simulated plant has it (`robot.rotor_streams`).
     """
     for name, value in (("reach", reach), ("spread", spread)):
         if not 0.0 <= value < np.inf:
             raise AnalysisError(f"--{name} {value:g}: a number from 0 on is needed.")
     a = allocation(robot, q)
-    rows = [(j, r) for j, m in enumerate(robot.modules.apparatuses) for r in m.rotors]
+    rows = [r for m in robot.modules.apparatuses for r in m.rotors]
     found = []
-    for s, (j, source) in enumerate(rows):
-        for h, (k, hit) in enumerate(rows):
-            if j == k:
+    for s, source in enumerate(rows):
+        for h, hit in enumerate(rows):
+            if s == h:
                 continue
             away = a.rotor_positions[h] - a.rotor_positions[s]
             distance = float(away @ -a.rotor_axes[s])
-            if not 0.0 < distance <= reach:
+            if not 1e-6 < distance <= reach:
                 continue
             offset = float(np.linalg.norm(away + distance * a.rotor_axes[s]))
             radius = 0.5 * source.diameter + spread * distance + 0.5 * hit.diameter
             if offset < radius:
-                found.append(
-                    Overlap(source.label, hit.label, distance, offset, 1 - offset / radius)
+                inflow = mean_inflow(
+                    distance, offset, 0.5 * source.diameter, 0.5 * hit.diameter, spread
                 )
+                lost = 1.0 - float(thrust_kept(inflow))
+                covered = 1 - offset / radius
+                found.append(Overlap(source.label, hit.label, distance, offset, covered, lost))
     blocked = _blocked(robot, q, a, reach, spread)
     return Wake(tuple(sorted(found, key=lambda o: o.distance)), blocked, reach, spread)
 

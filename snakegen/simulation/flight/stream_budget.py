@@ -13,6 +13,7 @@ from snakegen.base.geometry import Floats
 from snakegen.control.controller import Controller
 from snakegen.kernels.flight.aerodynamics import JET_SPREAD
 from snakegen.robot.robot import Robot
+from snakegen.robot.rotor_streams import mean_inflow, thrust_kept
 from snakegen.simulation.flight.mujoco_arrays import stations
 from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections
@@ -75,7 +76,7 @@ def stream_wrench(world: World, q: Floats, thrust: Floats, what: Imperfections) 
     radius = 0.5 * np.array([r.diameter for r in rotors])
     density = what.air_density
 
-    def flow(points: Floats, own: bool) -> Floats:
+    def flow(points: Floats) -> Floats:
         away = points[None] - origin[:, None]
         down = -np.einsum("rpi,ri->rp", away, axes)
         width = radius[:, None] + JET_SPREAD * np.maximum(down, 0.0)
@@ -86,14 +87,20 @@ def stream_wrench(world: World, q: Floats, thrust: Floats, what: Imperfections) 
             * np.exp(-np.minimum(aside, _FAR**2))
         )
         speed = np.where((down > 0.0) & (aside < _FAR**2), speed, 0.0)
-        if own:
-            np.fill_diagonal(speed, 0.0)
         return np.asarray(-np.einsum("rp,ri->pi", speed, axes))
 
-    blown = flow(origin, True)
-    through = -np.sum(blown * axes, axis=1)
+    away = origin[None] - origin[:, None]
+    down = -np.einsum("rpi,ri->rp", away, axes)
+    offset = np.sqrt(np.maximum(np.sum(away**2, axis=2) - down**2, 0.0))
     area = np.pi * radius**2
-    lost = np.clip(through / (np.sqrt(2.0 * thrust / (density * area)) + 1e-9), -0.25, 1.0)
+    induced = np.sqrt(thrust / (2.0 * density * area))
+    mean = induced[:, None] * mean_inflow(down, offset, radius[:, None], radius[None], JET_SPREAD)
+    np.fill_diagonal(mean, 0.0)
+    blown = -np.einsum("rp,ri->pi", mean, axes)
+    through = -np.sum(blown * axes, axis=1)
+    inflow = through / np.maximum(induced, 1e-9)
+    kept = np.where(inflow >= 0.0, thrust_kept(np.maximum(inflow, 0.0)), 1.0)
+    lost = np.where(inflow >= 0.0, 1.0 - kept, np.maximum(0.5 * inflow, -0.25))
     across = np.sqrt(0.5 * density * area * thrust)[:, None] * (blown + through[:, None] * axes)
     force = [-(lost * thrust)[:, None] * axes + across]
     at = [origin]
@@ -102,7 +109,7 @@ def stream_wrench(world: World, q: Floats, thrust: Floats, what: Imperfections) 
         turn = data.xmat[bodies].reshape(-1, 3, 3)
         place_of = data.xpos[bodies] + np.einsum("sij,sj->si", turn, points)
         rod = np.einsum("sij,sj->si", turn, rods)
-        met = flow(place_of, False)
+        met = flow(place_of)
         met = met - np.sum(met * rod, axis=1)[:, None] * rod
         size = np.linalg.norm(met, axis=1)
         force.append((0.5 * density * what.drag_coefficient * areas * size)[:, None] * met)

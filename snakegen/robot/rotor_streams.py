@@ -1,0 +1,49 @@
+"""Streams of rotors on other rotors, in NumPy: the twin of `kernels.flight.aerodynamics`."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from snakegen.base.geometry import Floats
+
+SPREAD = 0.1  # growth of a free jet's radius per metre
+
+
+def mean_inflow(
+    down: ArrayLike, offset: ArrayLike, source: ArrayLike, hit: ArrayLike, spread: float = SPREAD
+) -> Floats:
+    """Returns the mean flow of a stream through a level disc over the source's induced velocity.
+
+    ``min(2R b / s, 1 + a/√(a² + R²), (R/r)²) · exp(−e²/s)``, ``b = R + 0.1 a``, ``s = b² + r²/2``:
+    a round jet far away, a contracting wake (McCormick) and continuity near the rotor.
+
+    Args:
+        down: m, a, downstream; 0 or less is upstream.
+        offset: m, e, from the stream's axis.
+        source: m, R of the rotor that blows.
+        hit: m, r of the disc.
+        spread: growth of the jet's radius per metre.
+    """
+    a, e, big, small = (np.asarray(x, float) for x in (down, offset, source, hit))
+    inside = np.maximum(a, 0.0)
+    width = big + spread * inside
+    size = width**2 + 0.5 * small**2
+    near = np.minimum(1.0 + inside / np.hypot(inside, big), (big / small) ** 2)
+    flow = np.minimum(2.0 * big * width / size, near) * np.exp(-(e**2) / size)
+    return np.asarray(np.where(a > 1e-9, flow, 0.0))
+
+
+def thrust_kept(inflow: ArrayLike) -> Floats:
+    """Returns thrust in a stream over thrust in still air, at the same power.
+
+    ``x (μ + x)² = 1``, ``T'/T = x (μ + x)``: momentum theory with the flow μ v_h through the disc
+    besides its own (Leishman and Ananthan, Aerodynamic Optimization of a Coaxial Proprotor, AHS
+    62nd Forum, 2006). The lower of two equal coaxial rotors has μ = 1 and keeps 0.682.
+
+    Args:
+        inflow: μ ≥ 0.
+    """
+    mu = np.asarray(inflow, float)
+    x = 1.0 / (1.0 + mu) ** 2
+    for _ in range(8):
+        x = x - (x * (mu + x) ** 2 - 1.0) / ((mu + x) ** 2 + 2.0 * x * (mu + x))
+    return np.asarray(x * (mu + x))
