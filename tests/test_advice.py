@@ -42,7 +42,7 @@ OFF = {
     "chain.radius=0.25": "chain.radius: 0.25 m is more than half the length of 0.42 m",
     "vectoring_apparatus.drag_ratio=12.5": "drag_ratio: 12.5 m; millimetres?",
     "vectoring_apparatus.separation=0.06": "separation: 0.06 m between the rotors of apparatuses "
-    "1, 2, 3 and 4 is less than their diameter, 0.07 m",
+    "1, 2, 3 and 4 on link1, link2, link3, link4 is less than their diameter, 0.07 m",
 }
 
 
@@ -67,7 +67,9 @@ def test_one_rotor_clears_its_link_unless_told_otherwise() -> None:
     duct, module = 0.07 * np.hypot(0.5, 0.35), 1.9 * 0.0125  # its half diagonal; on the axis
     assert -offset - duct > module > -offset - 1.02 * duct
     (inside,) = warnings(load_spec("dragon4", overrides=LONE))
-    assert "apparatuses 1, 2, 3 and 4, at 0.037 m, stands inside its own link's space" in inside
+    assert (
+        "3 and 4 on link1, link2, link3, link4, at 0.037 m, stands inside its own link's" in inside
+    )
     (above,) = warnings(load_spec("dragon4", overrides=[*LONE, "vectoring_apparatus.offset=0.08"]))
     assert "at 0.08 m, blows on its own link" in above
 

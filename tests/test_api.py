@@ -76,7 +76,7 @@ def test_vectored_margins_bound_what_forces_reach(dragon: snakegen.Robot) -> Non
     )
     assert 0.85 * t < -found.fun <= m.force_bounds_N[1] * (1 + 2e-3)
     assert m.force_limits.at_upper and m.force_limits.at_lower == ()
-    assert set(m.force_limits.at_upper) <= {f"apparatus {j}" for j in range(1, 5)}
+    assert set(m.force_limits.at_upper) <= {f"apparatus {j} on link{j}" for j in range(1, 5)}
     assert math.isnan(m.attitude_altitude)
 
 

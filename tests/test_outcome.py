@@ -70,8 +70,8 @@ def test_a_loss_says_what_the_analysis_says(failed: Recording) -> None:
     lines = outcome(failed.meta, failed.metrics)
     left = failed.meta["facts"]["predicted_wrench_margin"]
     assert left < 0 and lines == [
-        f"lost: apparatus2; scaled wrench margin without it {left:.3f}: it cannot hover level, "
-        "says the analysis of the posture"
+        f"lost: apparatus 2 on link2; scaled wrench margin without it {left:.3f}: it cannot hover "
+        "level, says the analysis of the posture"
     ]
     assert f"- {lines[0]}" in failed.report and "fall" not in failed.report
     assert _least_thrust(0.0) > 32.0 > _least_thrust(0.667)  # rad, at which the flight ends up
@@ -109,7 +109,7 @@ def test_a_failed_flight_tells_its_events_once(failed: Recording, tmp_path: Path
 
     told = "\n".join(result_lines(failed, tmp_path))
     assert not failed.verdict.passed  # type: ignore[union-attr]
-    assert "0.20 s  apparatus2 lost" in told
+    assert "0.20 s  apparatus 2 on link2 lost" in told
     assert result_json(failed, tmp_path)["facts"]["lost"] == "apparatus2"
     many = tuple(Event(0.1 * i, "WARN", "again") for i in range(30))
     assert "0.00 s  again (30 times until 2.90 s)" in "\n".join(result_lines(failed.__class__(

@@ -41,6 +41,7 @@ class Hover:
         power: (2,) W, electric, of hover in dual-rotor and in virtual-single-rotor mode.
         battery: J, of the battery; inf where none is declared.
         voltage_sag: share of the voltage lost from full to empty.
+        apparatuses: their names, with their links.
     """
 
     dual_thrust: Floats
@@ -61,6 +62,7 @@ class Hover:
     power: tuple[float, float] = (float("nan"), float("nan"))
     battery: float = float("inf")
     voltage_sag: float = 0.0
+    apparatuses: tuple[str, ...] = ()
 
     @property
     def thrust_to_weight(self) -> float:
@@ -196,12 +198,15 @@ class Hover:
         """Returns which limits of gimbals and least thrusts eq 36's forces leave, in words."""
         parts = [f"{name} at {angle:+.3f} rad" for name, angle in self.beyond]
         out = [f"past the limits: {', '.join(parts)}"] if parts else []
-        fixed = np.flatnonzero(self.short >= _MET) + 1
+        fixed = np.flatnonzero(self.short >= _MET)
         if len(fixed) and not parts:
-            out.append(f"apparatus {', '.join(map(str, fixed))} cannot point along its force")
+            which = ", ".join(self.apparatuses[j] for j in fixed)
+            out.append(f"{which} cannot point along its force")
         idle = np.flatnonzero(self.virtual_thrust < self.apparatus_min * (1 - 1e-9))
         if len(idle):
-            least = ", ".join(f"{self.apparatus_min[j]:.2f} N of apparatus {j + 1}" for j in idle)
+            least = ", ".join(
+                f"{self.apparatus_min[j]:.2f} N of {self.apparatuses[j]}" for j in idle
+            )
             out.append(f"less than the least thrust, {least}")
         return "; ".join(out)
 
@@ -262,6 +267,7 @@ def analyze(robot: Robot, q: Floats) -> Hover:
         power=_powers(robot, dual, np.linalg.norm(forces.reshape(-1, 3), axis=1)),
         battery=battery_joules(robot.modules.plant.get("battery_energy", 0.0)),
         voltage_sag=float(robot.modules.plant.get("voltage_sag", 0.1)),
+        apparatuses=robot.apparatus_names,
     )
     if not found.vectored or found.virtual_feasible:
         return found

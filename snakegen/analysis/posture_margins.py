@@ -173,7 +173,7 @@ def _result(
     robot = q.robot
     assert isinstance(robot, Robot)
     dual = isinstance(found, ThrustMargins)
-    units = [f"apparatus {j + 1}" for j in range(len(robot.modules.apparatuses))]
+    units = robot.apparatus_names
     rotors = [r.label for part in robot.modules.apparatuses for r in part.rotors]
 
     def bounds(name: str) -> tuple[float, float]:

@@ -79,7 +79,7 @@ def _virtual(
     """Returns force and torque margins of virtual-single-rotor mode."""
     limit = robot.gimbals.limit
     bounds, joints = servo_bounds(robot, q, link, True)
-    labels = [f"apparatus {j + 1}" for j in range(limit.size)]
+    labels = list(robot.apparatus_names)
     given: dict[str, Any] = {"drag": a.drag} | _scale(robot)
     points = (a.thrust_points, limit, a.hover_wrench)
     sets, given = found.sets, given | {"sets": found.sets}

@@ -39,6 +39,7 @@ class ReliefResult:
         relieved: forces that make the highest share of servo torque least.
         along: by direction, the tip force of servos and thrust together.
         alone: by direction, the tip force of the servos alone [N].
+        apparatuses: their names, with their links.
     """
 
     load: Floats
@@ -46,6 +47,7 @@ class ReliefResult:
     relieved: Relieved
     along: dict[str, Relieved]
     alone: dict[str, float]
+    apparatuses: tuple[str, ...]
 
     @property
     def torque(self) -> Floats:
@@ -68,7 +70,7 @@ class ReliefResult:
         for j, force in enumerate(self.relieved.forces):
             way = " ".join(f"{x:+.2f}" for x in np.round(force, 2) + 0.0)
             size = float(np.linalg.norm(force))
-            out.append((f"apparatus {j + 1}", f"{size:.4g} N of {self.thrust.limit[j]:.4g}: {way}"))
+            out.append((self.apparatuses[j], f"{size:.4g} N of {self.thrust.limit[j]:.4g}: {way}"))
         for name, both in self.along.items():
             alone = _newtons(self.alone[name])
             out.append((f"tip force {name}", f"{_newtons(both.value)}, servos alone {alone}"))
@@ -128,4 +130,5 @@ def analyze(
     ways = dict(zip(_AXES, np.kron(np.eye(3), np.array([[1.0], [-1.0]])), strict=True))
     along = {name: tip_force(thrust, load, J.T @ u) for name, u in ways.items()}
     alone = {name: tip_force(none, load, J.T @ u).value for name, u in ways.items()}
-    return ReliefResult(load, thrust, least_use(thrust, load), along, alone)
+    names = robot.apparatus_names
+    return ReliefResult(load, thrust, least_use(thrust, load), along, alone, names)

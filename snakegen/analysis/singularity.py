@@ -24,6 +24,7 @@ class GimbalDistance:
     apparatus: int  # from 1
     distance: float  # rad, to θ = ±90° (thrust along the roll axis)
     gain: float  # |cosθ|, the factor left of the roll's authority (THEORY A1)
+    link: str | None = None  # that carries the apparatus
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Singularity:
             mark = "  (roll nearly without effect)" if g.distance < _WARN_ANGLE else ""
             out.append(
                 (
-                    f"gimbal {g.apparatus} to θ = ±90°",
+                    f"gimbal {g.apparatus}{f' on {g.link}' if g.link else ''} to θ = ±90°",
                     f"{np.rad2deg(g.distance):.1f}°, roll authority {g.gain:.2f}{mark}",
                 )
             )
@@ -124,5 +125,5 @@ def _gimbal_distances(robot: Robot, q: Floats) -> tuple[GimbalDistance, ...]:
         thrust = rotation[robot.gimbals.thrust_body[j]] @ robot.gimbals.thrust_axis[j]
         sine = float(np.linalg.norm(np.cross(axis, thrust)))
         angle = float(np.arctan2(sine, abs(axis @ thrust)))
-        out.append(GimbalDistance(j + 1, angle, sine))
+        out.append(GimbalDistance(j + 1, angle, sine, robot.modules.apparatuses[j].link))
     return tuple(out)

@@ -82,7 +82,7 @@ def analyze(
     low, high = rotors.thrust_min, rotors.thrust_max
     dual = thrust_margins(a.dual, low, high, a.hover_wrench, **scale)
     names = [r.label for m in robot.modules.apparatuses for r in m.rotors]
-    units = [f"apparatus {j + 1}" for j in range(limit.size)]
+    units = list(robot.apparatus_names)
     controller = {
         "dual_rotor": _slices(thrust_controller(a.dual, low, high, a.hover_wrench, **scale))
     }

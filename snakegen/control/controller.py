@@ -181,29 +181,35 @@ def law_of(
     )
 
 
-def check_mounts(tree: Tree, rotors: Rotors, gimbals: Gimbals) -> None:
+def check_mounts(
+    tree: Tree, rotors: Rotors, gimbals: Gimbals, names: Sequence[str] | None = None
+) -> None:
     """Refuses gimbals that the laws cannot turn.
+
+    Args:
+        tree, rotors, gimbals: of the robot.
+        names: of the apparatuses, for the error; their numbers if absent.
 
     Raises:
         ControlRefused: gimbal joints of an apparatus that do not follow one another, rotors that
             stand elsewhere than on the last of them, or that are not parallel.
     """
+    names = names or [f"apparatus {j + 1}" for j in range(gimbals.limit.size)]
     for j in range(gimbals.limit.size):
         joints = sorted(b for b in (gimbals.roll_body[j], gimbals.pitch_body[j]) if b >= 0)
         if len(joints) == 2 and tree.parent[joints[1]] != joints[0]:
             raise ControlRefused(
-                f"apparatus {j + 1}: another joint stands between its gimbal joints; "
+                f"{names[j]}: another joint stands between its gimbal joints; "
                 "name the two joints next to each other as roll and pitch."
             )
         if joints and gimbals.thrust_body[j] != joints[-1]:
             raise ControlRefused(
-                f"apparatus {j + 1}: its rotors are not on the body that its last gimbal turns."
+                f"{names[j]}: its rotors are not on the body that its last gimbal turns."
             )
         mine = rotors.axis[rotors.apparatus == j]
         if np.any(mine @ gimbals.thrust_axis[j] < 1.0 - 1e-6):
             raise ControlRefused(
-                f"apparatus {j + 1}: its rotors are not parallel; "
-                "make them apparatuses of their own."
+                f"{names[j]}: its rotors are not parallel; make them apparatuses of their own."
             )
 
 
@@ -233,7 +239,7 @@ def flight_controller(
     control = robot.modules.control
     if not robot.modules.apparatuses:
         raise ControlRefused(f"{robot.name} carries no vectoring apparatus: it cannot fly.")
-    check_mounts(robot.tree, robot.rotors, robot.gimbals)
+    check_mounts(robot.tree, robot.rotors, robot.gimbals, robot.apparatus_names)
     _among(allocator, ("paper", "constrained"), "allocator")
     mode = str(mode or control.get("mode", "virtual_single_rotor"))
     _among(mode, tuple(MODES), "mode")

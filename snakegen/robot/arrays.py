@@ -68,14 +68,16 @@ def gimbals_of(robot: ModelFrames, rotors: Rotors) -> Gimbals:
         bodies = {int(b) for b in rotors.body[mine]}
         if len(bodies) != 1:
             raise DescriptionError(
-                f"apparatus {j + 1}: its rotors {a.rotor_labels} stand on different moving bodies; "
-                "make them apparatuses of their own."
+                f"{robot.apparatus_names[j]}: its rotors {a.rotor_labels} stand on different "
+                "moving bodies; make them apparatuses of their own."
             )
         thrust_body[j] = bodies.pop()
         points[j] = rotors.position[mine].mean(axis=0)
         mean = rotors.axis[mine].mean(axis=0)
         if np.linalg.norm(mean) < 1e-9:
-            raise DescriptionError(f"apparatus {j + 1}: its rotors push against each other.")
+            raise DescriptionError(
+                f"{robot.apparatus_names[j]}: its rotors push against each other."
+            )
         axes[j] = mean / np.linalg.norm(mean)
         limit[j] = rotors.thrust_max[mine].sum()
         roll_body[j] = robot.body_of_joint(a.roll) if a.roll else -1
@@ -84,7 +86,8 @@ def gimbals_of(robot: ModelFrames, rotors: Rotors) -> Gimbals:
         for joint, body in ((a.roll, roll_body[j]), (a.pitch, pitch_body[j])):
             if body >= 0 and not _carries(robot.tree, int(body), int(thrust_body[j])):
                 raise DescriptionError(
-                    f"apparatus {j + 1}: joint '{joint}' does not turn its rotors {a.rotor_labels}."
+                    f"{robot.apparatus_names[j]}: joint '{joint}' does not turn its rotors "
+                    f"{a.rotor_labels}."
                 )
         base = int(robot.tree.parent[min(above)]) if above else int(thrust_body[j])
         link_body[j], frames[j] = base, np.eye(3)

@@ -39,8 +39,8 @@ def force_shapes(robot: RobotBodies) -> ForceSets:
         high[j] = rotors.thrust_max[mine].min() * together
         if low[j] > high[j]:
             raise DescriptionError(
-                f"apparatus {j + 1}: its rotors have no thrust in common, from the largest "
-                "thrust_min to the least thrust_max; make them apparatuses of their own."
+                f"{robot.apparatus_names[j]}: its rotors have no thrust in common, from the "
+                "largest thrust_min to the least thrust_max; make them apparatuses of their own."
             )
         frames[j], phi[j], theta[j] = _turned(robot, j)
     return ForceSets.checked(np.zeros((n, 3)), frames, low, high, phi, theta, mean_drag(rotors, n))
@@ -100,8 +100,8 @@ def _turned(robot: RobotBodies, j: int) -> tuple[Floats, Floats, Floats]:
             thrust, axes = mount @ thrust, [mount @ a for a in axes]
     if len(axes) == 2 and max(abs(axes[0] @ axes[1]), abs(axes[1] @ thrust)) > SQUARE:
         raise DescriptionError(
-            f"apparatus {j + 1}: margins need gimbal axes that are perpendicular to each other and "
-            "a thrust perpendicular to the second one."
+            f"{robot.apparatus_names[j]}: margins need gimbal axes that are perpendicular to each "
+            "other and a thrust perpendicular to the second one."
         )
     still = np.zeros(2)
     if not axes:

@@ -96,6 +96,12 @@ class ModelFrames:
         return frozenset(n for n in names if n)
 
     @cached_property
+    def apparatus_names(self) -> tuple[str, ...]:
+        """Names of the apparatuses for people: number and link, as in ``apparatus 2 on link2``."""
+        links = [f" on {a.link}" if a.link else "" for a in self.modules.apparatuses]
+        return tuple(f"apparatus {j + 1}{link}" for j, link in enumerate(links))
+
+    @cached_property
     def tree(self) -> Tree:
         """The kinematic tree on plain arrays; body 0 is the base."""
         return tree_of(self.model, self.floating)

@@ -38,7 +38,8 @@ def _limits(resolved: dict[str, Any]) -> Iterator[Limit]:
     if part is not None:
         names = ("pitch_inertia", "pitch_mass", "separation", "rotor_diameter")
         for j, (row, mass, apart, wide) in enumerate(zip(*(part[k] for k in names), strict=True)):
-            body = f"apparatus {j + 1}, {mass:g} kg on {apart + wide:g} m"
+            link = part["at"][j]["link"]
+            body = f"apparatus {j + 1} on link{link}, {mass:g} kg on {apart + wide:g} m"
             most = mass * max(0.25 * (apart + wide) ** 2, 0.05**2)
             yield "vectoring_apparatus.pitch_inertia", body, [row[0], row[2]], row[1], most
     drums = resolved.get("screw_drive")

@@ -111,9 +111,10 @@ def _between(resolved: dict[str, Any], part: dict[str, Any]) -> list[str]:
 
 def _within(resolved: dict[str, Any], part: dict[str, Any]) -> list[str]:
     """Returns warnings of a duct that stands in its twin's place, or in its own link's."""
+    places = part["at"]
     pairs: dict[tuple[float, float], list[int]] = {}
     lone: dict[tuple[float, float], list[int]] = {}
-    for j, place in enumerate(part["at"]):
+    for j, place in enumerate(places):
         wide = part["rotor_diameter"][j]
         if part["rotors"][j] == 2 and part["separation"][j] < wide:
             pairs.setdefault((part["separation"][j], wide), []).append(j + 1)
@@ -121,12 +122,13 @@ def _within(resolved: dict[str, Any], part: dict[str, Any]) -> list[str]:
         if part["rotors"][j] == 1 and (part["offset"][j] > 0 or -part["offset"][j] < clear - 1e-6):
             lone.setdefault((part["offset"][j], clear), []).append(j + 1)
     out = [
-        f"vectoring_apparatus.separation: {apart:g} m between the rotors of {_named(which)} is less"
-        f" than their diameter, {wide:g} m: the ducts overlap"
+        f"vectoring_apparatus.separation: {apart:g} m between the rotors of "
+        f"{_named(which, places)} is less than their diameter, {wide:g} m: the ducts overlap"
         for (apart, wide), which in pairs.items()
     ]
     for (offset, clear), which in lone.items():
-        what = f"vectoring_apparatus.offset: the one rotor of {_named(which)}, at {offset:g} m,"
+        what = f"vectoring_apparatus.offset: the one rotor of {_named(which, places)}, "
+        what += f"at {offset:g} m,"
         if abs(offset) < clear - 1e-6:
             out.append(
                 f"{what} stands inside its own link's space; {-clear:.3g} m clears it at every "
@@ -140,11 +142,12 @@ def _within(resolved: dict[str, Any], part: dict[str, Any]) -> list[str]:
     return out
 
 
-def _named(numbers: list[int]) -> str:
-    """Returns the apparatuses as words: ``apparatus 2``, ``apparatuses 1, 2 and 4``."""
+def _named(numbers: list[int], places: list[dict[str, Any]]) -> str:
+    """Returns apparatuses in words: ``apparatus 2 on link2``, ``apparatuses 1 and 2 on link1``."""
+    links = ", ".join(dict.fromkeys(f"link{places[n - 1]['link']}" for n in numbers))
     if len(numbers) == 1:
-        return f"apparatus {numbers[0]}"
-    return f"apparatuses {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
+        return f"apparatus {numbers[0]} on {links}"
+    return f"apparatuses {', '.join(map(str, numbers[:-1]))} and {numbers[-1]} on {links}"
 
 
 def _mass(resolved: dict[str, Any]) -> float:

@@ -50,7 +50,7 @@ class PushMargin:
         ]
         if kind in ("force", "torque"):
             parts = [_direction(self.push[:3] if kind == "force" else self.push[3:])]
-        at = f" ({' '.join(self.at_limit)})" if self.at_limit else ""
+        at = f" ({', '.join(self.at_limit)})" if self.at_limit else ""
         return f"{size} along {', '.join(parts)}{at}"
 
 

@@ -159,7 +159,7 @@ class Margins:
             return [("  within servo limits", OUT_OF_REACH)]
         if not np.isfinite(j.force[1]):
             return [("  within servo limits", "hover itself overloads a joint")]
-        at = f"; there {' '.join(j.joints)} at the limit" if j.joints else ""
+        at = f"; there {', '.join(j.joints)} at the limit" if j.joints else ""
         text = f"force {j.force[0]:.4g} N, torque {j.torque[0]:.4g} N m on {j.link}{at}"
         return [("  within servo limits", text)]
 
@@ -213,6 +213,6 @@ def _why(name: str, weakest: Weakest) -> str:
     where = f"{_NAMES.get(name, name)} weakest along {', '.join(parts)}"
     if not weakest.full and not weakest.idle:
         return f"{where}: no thrust acts that way alone"
-    full = f"at full thrust: {' '.join(weakest.full)}" if weakest.full else ""
-    idle = f"at least thrust: {' '.join(weakest.idle)}" if weakest.idle else ""
+    full = f"at full thrust: {', '.join(weakest.full)}" if weakest.full else ""
+    idle = f"at least thrust: {', '.join(weakest.idle)}" if weakest.idle else ""
     return f"{where}; " + "; ".join(p for p in (full, idle) if p)

@@ -141,7 +141,7 @@ def _with_wrench(
     """
     sets, scale = robot.force_sets(q), [robot.force_scale, robot.torque_scale]
     bounds, joints = servo_bounds(robot, q, found.link, True)
-    labels = [f"apparatus {j + 1}" for j in range(len(sets))] + joints
+    labels = [*robot.apparatus_names, *joints]
     units: dict[str, Any] = {"force_scale": scale[0], "torque_scale": scale[1]}
     units |= {"drag": sets.drag, "weights": robot.gimbals.limit, "sets": sets}
     given = (sets.points, robot.gimbals.limit, a.hover_wrench)
@@ -194,5 +194,5 @@ def _names_loaded(load: Load, reach: LoadedReach) -> tuple[str, ...]:
         if what == "servo":
             out.append(load.servos[i])
         else:
-            out.append(f"apparatus {i + 1}" if load.virtual else rotors[i])
+            out.append(load.robot.apparatus_names[i] if load.virtual else rotors[i])
     return tuple(dict.fromkeys(out))

@@ -56,8 +56,9 @@ def _loss(facts: Dict, found: Dict) -> list[str]:
     left = float(facts["predicted_wrench_margin"])
     # level: the mission's attitude. A body may bear more tilted, and drift there by itself.
     word = "level hover goes on" if left >= 0 else "it cannot hover level"
+    part = facts.get("lost_part", facts["lost"])  # logs of older versions have no part
     return [
-        f"lost: {facts['lost']}; scaled wrench margin without it {left:.3f}: {word}, "
+        f"lost: {part}; scaled wrench margin without it {left:.3f}: {word}, "
         "says the analysis of the posture"
     ]
 

@@ -60,6 +60,7 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
     cog = np.array([0.0, 0.0, options.height])
     start = place(robot, joints, cog, attitude)
     left = margin_without(robot, start, rotors)
+    part = lost_name(robot, options.lost)
     word = "can still hover level" if left >= 0 else "cannot hover level"
     return holding(
         ticks(options.duration, rate),
@@ -68,10 +69,10 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
         cog,
         failures=(Failure(options.at, options.at + options.delay, rotors),),
         events=(
-            (options.at, f"{options.lost} lost"),
+            (options.at, f"{part} lost"),
             (options.at + options.delay, f"the controller knows; the robot {word}"),
         ),
-        facts={"lost": options.lost, "predicted_wrench_margin": left},
+        facts={"lost": options.lost, "lost_part": part, "predicted_wrench_margin": left},
         thresholds={
             "position_max_m": {"at_most": 1.0},
             # rotors that stand still are at their lower limit
@@ -94,6 +95,12 @@ def rotors_named(robot: Robot, lost: str) -> tuple[int, ...]:
     if str(lost) not in known:
         raise MissionError(f"{robot.name} has no rotor '{lost}' to fail.{near(str(lost), known)}")
     return known[str(lost)]
+
+
+def lost_name(robot: Robot, lost: str) -> str:
+    """Returns what is lost as people call it: an apparatus with its link."""
+    number = lost.removeprefix("apparatus")
+    return robot.apparatus_names[int(number) - 1] if number.isdigit() else lost
 
 
 def margin_without(robot: Robot, q: Any, rotors: tuple[int, ...]) -> float:
