@@ -155,6 +155,7 @@ def _extras() -> Iterator[Finding]:
 
 EXTRAS = {
     "cluster": ("distributed", "sweeps on a Dask cluster"),
+    "gym": ("gymnasium", "the learning environment snakegen/Flight-v0"),
     "usd": ("pxr", "build --format usd"),
 }
 """Extra → the module that it brings, and what it is for."""

@@ -1,6 +1,6 @@
 """The simulated world of a run: a robot's MJCF on a floor, and where each quantity stands."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,6 +86,7 @@ def make_world(
     link_stiffness: float = 0.0,
     link_damping: float = 0.0,
     motor_lag: bool = True,
+    sensors: Collection[str] = (),
 ) -> World:
     """Returns the world of a run: the MJCF of the robot's URDF, without visuals, on a floor.
 
@@ -97,6 +98,7 @@ def make_world(
         link_stiffness: N m/rad of a bending link; 0: links are rigid.
         link_damping: s, its damping over its stiffness.
         motor_lag: False: motors give at once what they are asked.
+        sensors: names of the MJCF's sensors to keep; the flight loop reads the state itself.
     """
     lengths = robot.modules.lengths
     urdf = split_links(robot.urdf, lengths) if link_stiffness > 0 else robot.urdf
@@ -111,8 +113,9 @@ def make_world(
     spec.option.timestep = timestep
     # a reset in mid-run would hide that the run has diverged
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    for sensor in list(spec.sensors):  # the loop reads the state; sensors would only cost time
-        spec.delete(sensor)
+    for sensor in list(spec.sensors):  # each costs time in every step
+        if sensor.name not in sensors:
+            spec.delete(sensor)
     if floor:
         _add_floor(spec)
     for box in obstacles:
