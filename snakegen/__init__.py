@@ -75,3 +75,15 @@ def __getattr__(name: str) -> Any:
 def __dir__() -> list[str]:
     """Lists what there is to use, loaded or not."""
     return sorted({*__all__, "__version__", "__doc__"})
+
+
+def _register() -> None:
+    """Registers the environment where Gymnasium is imported already."""
+    import sys
+
+    if "gymnasium" in sys.modules:
+        import snakegen.environment  # noqa: F401  (importing it registers)
+
+
+_register()
+del _register

@@ -11,10 +11,8 @@ gymnasium = pytest.importorskip("gymnasium")
 import mujoco  # noqa: E402
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
-from snakegen.environment import register_environments  # noqa: E402
+import snakegen.environment  # noqa: E402, F401  (registers)
 from snakegen.errors import MissionError  # noqa: E402
-
-register_environments()
 
 
 def _make(**how: object) -> "gymnasium.Env":
@@ -118,9 +116,15 @@ def test_a_mission_without_a_flight_is_refused_in_one_line() -> None:
         _make(action="thrust")
 
 
+def test_importing_snakegen_after_gymnasium_is_enough() -> None:
+    code = "import gymnasium, snakegen; print(gymnasium.spec('snakegen/Flight-v0').id)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.stdout == "snakegen/Flight-v0\n", run.stderr
+
+
 def test_the_example_tunes_something() -> None:
     run = subprocess.run(
-        [sys.executable, "examples/tune_gains.py", "--generations", "3", "--candidates", "8",
+        [sys.executable, "docs/examples/tune_gains.py", "--generations", "3", "--candidates", "8",
          "--seconds", "0.6"],
         capture_output=True, text=True, check=True,
     )  # fmt: skip

@@ -4,13 +4,17 @@ The environment's wrench actions leave thrusts and gimbals to the robot's own al
 policy has four numbers: stiffness and damping of position and of attitude.
 
     pip install 'snakegen[gym]'
-    python examples/tune_gains.py
+    python docs/examples/tune_gains.py
 """
 
 import argparse
 
 import gymnasium
 import numpy as np
+
+import snakegen.environment
+
+gymnasium.register_envs(snakegen.environment)  # importing it registers snakegen/Flight-v0
 
 
 def wrench(gains: np.ndarray, seen: np.ndarray) -> np.ndarray:
