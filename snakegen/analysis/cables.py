@@ -60,8 +60,8 @@ _RATE = 20.0  # instants a second of a motion
 
 
 def applies(robot: Robot) -> bool:
-    """An arm: a chain on a fixed base."""
-    return not robot.floating and len(robot.chain_joints) > 0
+    """An arm: a chain on a fixed base, no joint of which follows another (mimic)."""
+    return not robot.floating and len(robot.chain_joints) > 0 and not robot.followers
 
 
 def analyze(

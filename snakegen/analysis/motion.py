@@ -193,8 +193,8 @@ class MotionResult:
 
 
 def applies(robot: Robot) -> bool:
-    """An arm: a chain on a fixed base."""
-    return not robot.floating and len(robot.chain_joints) > 0
+    """An arm: a chain on a fixed base, no joint of which follows another (mimic)."""
+    return not robot.floating and len(robot.chain_joints) > 0 and not robot.followers
 
 
 def analyze(

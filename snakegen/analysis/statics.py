@@ -4,7 +4,7 @@ THEORY C and A5: ZS24 eqs 11-25 mended and completed, ZN23 eq 6; the law is in `
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
 from snakegen.kernels.dynamics.torque_terms import DEPTHS, EXTERNAL, TERMS
+from snakegen.robot.followers import coupling
 from snakegen.robot.robot import Robot
 from snakegen.statics.joint_torques import (
     DOWN,
@@ -74,6 +75,8 @@ class StaticsResult:
         flies: whether the robot floats and has rotors.
         gimbals: names of the joints that turn an apparatus.
         rolls: whether it rests on drums: no `tip_load` unless it flies.
+        followers: leaders of the joints that follow another (mimic); their torque is 0, for their
+            load is in their leader's, through the ratio.
         free: names of the wheels on drums and of spinning rotors without a servo; no rows of text.
     """
 
@@ -97,6 +100,7 @@ class StaticsResult:
     gimbals: frozenset[str]
     rolls: bool = False
     free: frozenset[str] = frozenset()
+    followers: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def overloaded(self) -> tuple[str, ...]:
@@ -116,6 +120,9 @@ class StaticsResult:
         unknown = [self.joints[i] for i in held if np.isinf(self.limit[i])]
         if unknown:
             out.append(("no declared effort", f"{', '.join(unknown)}: no share of a limit"))
+        if self.followers:
+            pairs = ", ".join(f"{n} ({leader})" for n, leader in self.followers.items())
+            out.append(("follow others", f"{pairs}: their loads are in their leaders' torques"))
         if self.tip_load is not None and len(unknown) < len(held):
             out += self._tip_rows(self.tip_load)
         if self.worst is not None:
@@ -180,6 +187,7 @@ class StaticsResult:
             "tip": {"link": self.tip[0], "position_m": self.tip[1].tolist()},
             "tip_load": None if load is None else load.to_json(),
             "worst": self.worst,
+            "followers": dict(self.followers),
         }
 
 
@@ -238,12 +246,17 @@ def analyze(
     rows = torque_terms(robot, q, v, a, **given)
     push = torque_terms(robot, q, body_wrenches=held.wrenches, gravity=np.zeros(3))[EXTERNAL]
     first = 6 if robot.floating else 0
+    if robot.followers:  # their loads go to their leaders
+        through = coupling(robot.joint_names, robot.followers)
+        rows[:, first:] = rows[:, first:] @ through
+        push[first:] = push[first:] @ through
     depths = {k: rows[list(d)].sum(axis=0) + push for k, d in DEPTHS.items()}
     by_term = {TERMS[k]: rows[k, first:] for k in DEPTHS[terms]}
     if held.kind != "base":
         by_term["thrust"] = push[first:]
     total = depths[terms]
     limit = declared_limits(robot, robot.joint_names)
+    limit[[robot.joint_names.index(n) for n in robot.followers]] = np.inf
     S = twist_matrix(robot, q)
     sigma = np.asarray(np.linalg.svd(S, compute_uv=False), float)
     end = find_tip(robot, tip, tip_point)
@@ -271,7 +284,8 @@ def analyze(
         robot.floating and bool(robot.modules.apparatuses),
         robot.gimbal_names,
         rolls,
-        _free(robot, limit),
+        _free(robot, limit) | robot.followers.keys(),
+        {name: leader for name, (leader, _, _) in robot.followers.items()},
     )
 
 

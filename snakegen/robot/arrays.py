@@ -134,7 +134,7 @@ def configuration_of(
     given = dict(posture)
     rpy = given.pop("base_rpy", base_rpy)
     position = given.pop("base_position", base_position)
-    q = pin.neutral(robot.model)
+    q = resting(robot)
     if robot.floating:
         q[:3] = _vector(position, "base_position")
         q[3:7] = quaternion_xyzw(rotation_from_rpy(_vector(rpy, "base_rpy")))
@@ -145,18 +145,79 @@ def configuration_of(
             known = (*robot.joint_names, "base_rpy", "base_position")
             raise PostureError(f"{robot.name} has no joint '{name}'.{near(str(name), known)}")
         angle = _finite(value, name)
-        joint = robot.model.joints[robot.model.getJointId(name)]
-        low = float(robot.model.lowerPositionLimit[joint.idx_q])
-        high = float(robot.model.upperPositionLimit[joint.idx_q])
-        if joint.nq == 2:
-            q[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
-            continue
+        low, high = _range(robot, name)
         if not low - 1e-9 <= angle <= high + 1e-9:
             raise PostureError(
                 f"{robot.name}: {name} = {angle:g} is outside its limits {low:g} … {high:g}."
             )
-        q[joint.idx_q] = angle
+        _set(robot, q, name, angle)
+    _follow(robot, q, given)
     return Configuration(robot, q)
+
+
+def resting(robot: ModelFrames) -> Floats:
+    """Returns q (nq,) with every joint at 0, or at the angle of its range that is nearest to 0.
+
+    A leader's range is narrowed to where its followers are within theirs.
+    """
+    q = pin.neutral(robot.model)
+    ranges = {name: _range(robot, name) for name in robot.joint_names}
+    for name, (leader, ratio, offset) in robot.followers.items():
+        if ratio != 0.0:
+            ends = sorted((end - offset) / ratio for end in ranges[name])
+            low, high = ranges[leader]
+            narrowed = max(low, ends[0]), min(high, ends[1])
+            ranges[leader] = narrowed if narrowed[0] <= narrowed[1] else (low, high)
+    for name, (low, high) in ranges.items():
+        if name not in robot.followers and not low <= 0.0 <= high:
+            _set(robot, q, name, low if low > 0.0 else high)
+    _follow(robot, q, ())
+    return np.asarray(q)
+
+
+def _range(robot: ModelFrames, name: str) -> tuple[float, float]:
+    """Returns the range of a joint [rad or m], infinite for a continuous one."""
+    joint = robot.model.joints[robot.model.getJointId(name)]
+    if joint.nq == 2:
+        return -np.inf, np.inf
+    model = robot.model
+    low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+    return float(low), float(high)
+
+
+def _set(robot: ModelFrames, q: Floats, name: str, angle: float) -> None:
+    joint = robot.model.joints[robot.model.getJointId(name)]
+    turn = (np.cos(angle), np.sin(angle))
+    q[joint.idx_q : joint.idx_q + joint.nq] = turn if joint.nq == 2 else angle
+
+
+def _angle(robot: ModelFrames, q: Floats, name: str) -> float:
+    joint = robot.model.joints[robot.model.getJointId(name)]
+    if joint.nq == 2:
+        return float(np.arctan2(q[joint.idx_q + 1], q[joint.idx_q]))
+    return float(q[joint.idx_q])
+
+
+def _follow(robot: ModelFrames, q: Floats, given: Any) -> None:
+    """Brings followers in q to where their leaders have them.
+
+    Raises:
+        PostureError: a follower is `given` elsewhere, or its leader takes it out of its range.
+    """
+    for name, (leader, ratio, offset) in robot.followers.items():
+        angle = ratio * _angle(robot, q, leader) + offset
+        if name in given and abs(_angle(robot, q, name) - angle) > 1e-9:
+            raise PostureError(
+                f"{robot.name}: {name} follows {leader} (mimic) and is {angle:g} here; "
+                f"give {leader} alone."
+            )
+        low, high = _range(robot, name)
+        if leader in given and not low - 1e-9 <= angle <= high + 1e-9:
+            raise PostureError(
+                f"{robot.name}: {leader} = {_angle(robot, q, leader):g} takes {name}, which "
+                f"follows it, to {angle:g}, outside its limits {low:g} … {high:g}."
+            )
+        _set(robot, q, name, angle)
 
 
 def _vector(value: Any, name: str) -> Floats:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from snakegen.base.geometry import Floats
 from snakegen.errors import DescriptionError, near
 from snakegen.kernels.core.types import Tree
+from snakegen.robot.followers import Follower, followers_of
 from snakegen.robot.modules import Modules
 
 
@@ -88,6 +89,11 @@ class ModelFrames:
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints in Pinocchio's order, without the free-flyer."""
         return tuple(self.model.names)[2 if self.floating else 1 :]
+
+    @cached_property
+    def followers(self) -> dict[str, Follower]:
+        """Leader, multiplier and offset of each joint that follows another (mimic)."""
+        return followers_of(self.urdf, self.joint_names)
 
     @cached_property
     def gimbal_names(self) -> frozenset[str]:

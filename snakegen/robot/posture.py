@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from snakegen.base import yaml_file
@@ -13,6 +12,7 @@ from snakegen.base.geometry import Floats, rpy_from_rotation
 from snakegen.errors import PostureError
 from snakegen.kernels.allocation.gimbals import mounts, point_thrust, thrust_line
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
+from snakegen.robot.arrays import resting
 from snakegen.robot.bodies import RobotBodies
 from snakegen.robot.configuration import Configuration
 
@@ -132,9 +132,17 @@ def posture_text(angles: Mapping[str, float], base_rpy: Iterable[float] = ()) ->
 def posture_line(robot: RobotBodies, q: ArrayLike) -> str:
     """Returns the posture of q in one line, gimbals included."""
     at = robot.validate_configuration(q)
-    return posture_text(angles_by_name(robot, at), rpy_from_rotation(at.base_rotation).tolist())
+    angles = angles_by_name(robot, at)
+    text = posture_text(angles, rpy_from_rotation(at.base_rotation).tolist())
+    low, high, _ = robot.limits(robot.joint_names)
+    kept = [
+        name
+        for name, a, b in zip(robot.joint_names, low, high, strict=True)
+        if not a <= 0.0 <= b and angles[name] == (a if a > 0.0 else b)
+    ]
+    return f"{text} (0 is outside the limits of {', '.join(kept)})" if kept else text
 
 
 def neutral(robot: RobotBodies) -> Floats:
-    """Returns the configuration with every joint at 0."""
-    return np.array(pin.neutral(robot.model))
+    """Returns the configuration with every joint at 0, or at its nearest angle within limits."""
+    return resting(robot)

@@ -64,7 +64,9 @@ def read_urdf(path: Path) -> str:
             raise DescriptionError(
                 f"{path}: {size / 1e6:.4g} MB; up to {MAX_BYTES / 1e6:g} MB are read."
             )
-        return path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8").removeprefix("\ufeff")
+        body = text.lstrip()  # a blank before the declaration is common, and no XML
+        return body if body.startswith("<?xml") else text
     except FileNotFoundError:
         raise DescriptionError(f"{path}: no such file.") from None
     except IsADirectoryError:

@@ -1,9 +1,10 @@
 """What a robot's tip can bear, carry and yield: polytope, payload and stiffness at one point."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from snakegen.base.describe_motion import canonical_basis
@@ -12,6 +13,7 @@ from snakegen.base.rounding import in_order
 from snakegen.errors import AnalysisError
 from snakegen.kernels.kinematics.jacobians import tip_jacobian
 from snakegen.kernels.margins import tip_polytope
+from snakegen.robot.followers import coupling
 from snakegen.robot.robot import GRAVITY, Robot
 from snakegen.statics.joint_torques import finite
 
@@ -136,7 +138,11 @@ def find_tip(robot: Robot, link: str | None = None, point: ArrayLike | None = No
 
 
 def _last_link(robot: Robot) -> str:
-    """Returns the link of known length that stands deepest, else the last chain joint's body."""
+    """Returns the link of known length that stands deepest, else the last frame of the chain.
+
+    The last frame: of those fixed to the body of the deepest chain joint, a tool's frame
+    included, the one behind most fixed joints; of several the farthest from that joint.
+    """
     depth = np.zeros(len(robot.tree.parent), int)
     for i in range(1, len(depth)):
         depth[i] = depth[robot.tree.parent[i]] + 1
@@ -147,15 +153,32 @@ def _last_link(robot: Robot) -> str:
     if not bodies:
         return robot.root_link
     deepest = max(bodies, key=lambda b: depth[b])
-    names = [f.name for f in robot.model.frames if robot.model.existBodyName(f.name)]
-    return next(n for n in names if robot.body_of_link(n)[0] == deepest)
+    frames = [f for f in robot.model.frames if f.type == pin.FrameType.BODY]
+    ends = [f for f in frames if robot.body_of_link(f.name)[0] == deepest]
+    return str(max(ends, key=lambda f: (_fixed_above(robot, f), _reach(f))).name)
+
+
+def _fixed_above(robot: Robot, frame: Any) -> int:
+    """Returns how many fixed joints lie between a link and the joint that moves it."""
+    count, here = 0, robot.model.frames[frame.parentFrame]
+    while here.type != pin.FrameType.JOINT and here.name != "universe":
+        count += int(here.type == pin.FrameType.FIXED_JOINT)
+        here = robot.model.frames[here.parentFrame]
+    return count
+
+
+def _reach(frame: Any) -> float:
+    return round(float(np.linalg.norm(frame.placement.translation)), 9)
 
 
 def tip_pose(robot: Robot, q: ArrayLike, tip: Tip) -> TipPose:
     """Returns place, attitude and Jacobian of `tip` in posture q (nq,)."""
     q = robot.validate_configuration(q)
     base = robot.base_pose(q)[0]
-    return TipPose(*tip_jacobian(robot.tree, base, robot.angles(q), tip.body, tip.point))
+    pose = TipPose(*tip_jacobian(robot.tree, base, robot.angles(q), tip.body, tip.point))
+    if not robot.followers:
+        return pose
+    return replace(pose, jacobian=pose.jacobian @ coupling(robot.joint_names, robot.followers))
 
 
 def _canonical(corners: Floats, free: Floats) -> tuple[Floats, Floats]:

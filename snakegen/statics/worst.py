@@ -16,6 +16,7 @@ from snakegen.base.rounding import least
 from snakegen.errors import AnalysisError
 from snakegen.kernels.dynamics.inverse_dynamics import torques_batch
 from snakegen.kernels.dynamics.torque_terms import EXTERNAL, GRAVITY
+from snakegen.robot.followers import refuse_followers
 from snakegen.robot.posture import angles_by_name, hover_gimbals, set_angle
 from snakegen.robot.robot import Robot
 from snakegen.statics.joint_torques import (
@@ -152,6 +153,7 @@ def worst_posture(
     """
     q = robot.validate_configuration(q)
     names = robot.chain_joints
+    refuse_followers(robot.name, robot.followers, "the search of the worst posture")
     if not names:
         raise AnalysisError(f"{robot.name} has no joint that shapes it: every posture is the same.")
     lower, upper, _ = robot.limits(names)

@@ -11,6 +11,7 @@ import numpy as np
 from snakegen.base.geometry import Floats
 from snakegen.base.memory import refuse_beyond
 from snakegen.errors import AnalysisError, near
+from snakegen.robot.followers import refuse_followers
 from snakegen.robot.robot import Robot
 
 KINDS = ("sobol", "lhs", "random", "walk", "grid")
@@ -20,6 +21,7 @@ _STEP = 0.05  # share of a joint's range that a walk moves at once
 
 def chosen_joints(robot: Robot, names: str | None) -> tuple[str, ...]:
     """Returns the joints to sample: those named (comma-separated), or all that shape the body."""
+    refuse_followers(robot.name, robot.followers, "a sweep")
     if not names:
         return robot.chain_joints
     out = tuple(n.strip() for n in names.split(","))
