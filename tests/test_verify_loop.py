@@ -14,6 +14,7 @@ from snakegen.description.mjcf.decorate import lowest_point
 from snakegen.errors import MissionError
 from snakegen.kernels.control.types import Measured, Target
 from snakegen.log import read, write
+from snakegen.simulation.flight import loop
 from snakegen.simulation.flight.loop import STRETCH, fly, rotation_of
 from snakegen.simulation.flight.plan import Failure
 from snakegen.simulation.flight.plant import Imperfections, draw
@@ -193,6 +194,26 @@ def test_divergence_stops_at_once_and_says_when_and_what(dragon4, world):
     push[100:] = np.nan
     flown = flight(dragon4, world, replace(plan, disturbance=push))
     assert flown.ticks == 101 and "root at nan" in flown.stopped
+
+
+def test_a_tumbling_hybrid_is_named_and_its_free_wheels_may_spin(monkeypatch):
+    """A wheel in the air turns as it likes; what ends a run is the body or a driven joint."""
+    robot = snakegen.load("hybrid4")
+    world = make_world(robot)
+    spun = world.model.joint("wheel3_2_2").dofadr[0]
+    start = loop._Run._start_rotors
+
+    def spinning(self):
+        start(self)
+        self.data.qvel[spun] = -80.0
+
+    plan = hover(robot, 200.0, duration=0.1)
+    push = np.zeros((20, 6))
+    push[10:, 4] = 1e5
+    monkeypatch.setattr(loop._Run, "_start_rotors", spinning)
+    assert flight(robot, world, plan).stopped == ""
+    tumbled = flight(robot, world, replace(plan, disturbance=push)).stopped
+    assert "diverged at 0.05 s: " in tumbled and "wheel" not in tumbled
 
 
 def test_an_interruption_keeps_a_readable_log(dragon4, tmp_path):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from snakegen.base.geometry import Floats
 from snakegen.control.controller import Controller
 from snakegen.kernels.control.types import REFUSED, Measured, State, Target
-from snakegen.kernels.flight.flight import ASTRAY, DIVERGED, fly_ticks, thrusts_into
+from snakegen.kernels.flight.flight import ASTRAY, DIVERGED, LOST, fly_ticks, thrusts_into
 from snakegen.kernels.flight.sensing import read_imu
 from snakegen.kernels.kinematics.chain import forward
 from snakegen.simulation.flight import mujoco_arrays
@@ -219,26 +219,16 @@ class _Run:
         if self.modes:  # they change with the posture
             self.damper = retuned(self.damper, self.world, self.data.qpos)
         c = self.controller
-        state, k, end = fly_ticks(
-            c.tree,
-            c.rotors,
-            c.gimbals,
-            c.law,
-            c.length,
-            self.damper,
-            self.sim,
-            self.wires,
-            self.references,
-            self.plant,
-            self.memory,
-            self.rows,
-            self.state,
-            first,
-            last,
-        )
-        self.state = State(*state)
-        if end == DIVERGED:
-            return k, f"diverged at {time[k - 1]:.2f} s: {self._fastest()}", "ERROR"
+        args = (c.tree, c.rotors, c.gimbals, c.law, c.length, self.damper, self.sim, self.wires)
+        end = DIVERGED
+        while end == DIVERGED and first < last:
+            state, k, end = fly_ticks(
+                *args, self.references, self.plant, self.memory, self.rows, self.state, first, last
+            )
+            self.state = State(*state)
+            if end == DIVERGED and self._lost():
+                return k, f"diverged at {time[k - 1]:.2f} s: {self._fastest()}", "ERROR"
+            first = k  # a free wheel in the air may well spin that fast
         if end == ASTRAY:
             limit = self.plan.give_up
             return k, f"gave up at {time[k - 1]:.2f} s: {limit:g} m off target", "WARN"
@@ -260,6 +250,10 @@ class _Run:
         slides |= kind == mujoco.mjtJoint.mjJNT_FREE and first < 3  # its rotation comes after
         unit = "m/s" if slides else "rad/s"
         return f"{model.joint(joint).name} at {self.data.qvel[dof]:.3g} {unit}"
+
+    def _lost(self) -> bool:
+        """Tells whether anything but free wheels is too fast, or no number."""
+        return not float(np.abs(self.data.qvel[self._held()]).max()) < LOST
 
     def _held(self) -> NDArray[np.bool_]:
         """Returns for each degree of freedom whether the base, a servo or a spring holds it."""
