@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from snakegen.log import skeleton as sk
 from snakegen.log import style
 from snakegen.log.ground import log_ground
+from snakegen.log.ground_load import pull
 from snakegen.log.scene import Scene, thrust_use
 from snakegen.simulation.recording.recording import Recording
 
@@ -146,9 +147,10 @@ def _log_points(rec: Any, recording: Recording, view: Scene, columns: list[Any])
 def _log_disturbance(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -> None:
     import rerun as rr
 
-    if "disturbance" not in recording.channels:
+    towed = pull(recording, view.time, 0.4 * view.size)
+    if "disturbance" not in recording.channels and towed is None:
         return
-    force = recording.held("disturbance", view.time)[:, :3]
+    force = recording.held("disturbance", view.time)[:, :3] if towed is None else towed
     if not np.any(force):
         return
     at = np.zeros_like(force)
@@ -156,9 +158,11 @@ def _log_disturbance(rec: Any, recording: Recording, view: Scene, columns: list[
         if name in recording.channels:
             at = np.nan_to_num(recording.held(name, view.time))
             break
+    if towed is not None and view.skeleton is not None:  # at the tail
+        at = view.skeleton.body_line(view.base, view.angles)[:, -1]
     look = rr.Arrows3D.from_fields(colors=[style.DISTURBANCE], radii=[0.008 * view.size])
     rec.log("world/disturbance", look, static=True)
-    vectors = (force * view.newton).astype(np.float32)
+    vectors = (force if towed is not None else force * view.newton).astype(np.float32)
     rec.send_columns(
         "world/disturbance",
         columns,

@@ -70,7 +70,7 @@ def _world(recording: Recording, view: Scene) -> Any:
     away = np.array([-0.55, -1.0, 0.5])
     # far enough for what flies high in the view, and for an arm's base, which is near the eye
     held = float(np.ptp(view.base[1], axis=0).max(initial=0.0)) == 0.0
-    distance = (2.2 if held else 1.9 if view.rotors else 1.6) * view.radius
+    distance = (2.2 if held else 1.9) * view.radius
     eye = view.center + distance * away / np.linalg.norm(away)
     title = " · ".join(
         str(recording.meta[k]) for k in ("robot", "mission", "mode") if recording.meta.get(k)

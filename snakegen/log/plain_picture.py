@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from snakegen.base.atomic_io import replace_whole
 from snakegen.errors import LogError, SnakegenError
 from snakegen.log import plots, style
+from snakegen.log.ground_load import as_it_stands, plane_corners, pull
 from snakegen.log.scene import Scene, scene, thrust_use
 from snakegen.simulation.recording.recording import Recording
 
@@ -56,7 +57,8 @@ def draw(recording: Recording, png: Path, at: float, size: tuple[int, int]) -> N
         raise LogError(str(error)) from None
 
 
-def _draw_body(axes: Any, recording: Recording, at: float) -> None:
+def _draw_body(axes: Any, simulated: Recording, at: float) -> None:
+    recording = as_it_stands(simulated)
     view = scene(recording)
     frame = max(int(np.searchsorted(view.time, at + 1e-9)) - 1, 0)
     points = [view.center[None]]
@@ -69,8 +71,12 @@ def _draw_body(axes: Any, recording: Recording, at: float) -> None:
     if "position" in recording.channels:
         path = recording.held("position", view.time)
         axes.plot(*path.T, color="0.7", lw=0.8)
-        axes.plot(*path[frame][:, None], "o", color="black", ms=5, label="CoG")
+        what = "head" if "slip" in recording.channels else "CoG"
+        axes.plot(*path[frame][:, None], "o", color="black", ms=5, label=what)
         points.append(path[frame][None])
+    plane = plane_corners(simulated, view.time[frame : frame + 1])
+    if plane is not None:
+        axes.plot_trisurf(*plane[0].T, color=_rgb(style.OBSTACLE), alpha=0.4)
     cloud = np.concatenate(points)
     middle = 0.5 * (cloud.max(axis=0) + cloud.min(axis=0))
     reach = max(0.5 * float(np.ptp(cloud, axis=0).max()), 0.3 * view.size)
@@ -92,12 +98,22 @@ def _draw_links(axes: Any, recording: Recording, view: Scene, frame: int) -> lis
     angles = {name: values[one] for name, values in view.angles.items()}
     base = (view.base[0][one], view.base[1][one])
     poses = bones.poses(base, angles)
+    turning = recording.channels.get("screw_rate")
+    drums = {j.child for j in bones.joints if turning is not None and j.name in turning.labels}
+    wheels = [poses[j.child][1][0] for j in bones.joints if j.parent in drums]
+    if wheels:
+        axes.scatter(*np.array(wheels).T, color="0.4", s=14, depthshade=False)
     for j in bones.joints:
+        if j.parent in drums:
+            continue
         ends = np.concatenate([poses[j.parent][1], poses[j.child][1]])
         axes.plot(*ends.T, color="0.55", lw=1.5)
     line = bones.body_line(base, angles)[0]
     axes.plot(*line.T, color="0.25", lw=4, solid_capstyle="round")
-    drawn = [line]
+    drawn = [line, *(w[None] for w in wheels)]
+    towed = pull(recording, view.time[one], 0.4 * view.size)
+    if towed is not None:
+        axes.quiver(*line[-1], *towed[0], color=_rgb(style.DISTURBANCE), lw=2)
     if not view.rotors:
         return drawn
     thrust = recording.held("thrust", view.time[one])

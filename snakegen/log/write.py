@@ -74,13 +74,15 @@ def _encoded(recording: Recording, mesh_folder: Path | None, checksum: str) -> b
     import rerun as rr
 
     from snakegen.log.body import log_body
+    from snakegen.log.ground_load import as_it_stands, log_plane
     from snakegen.log.layout import blueprint
     from snakegen.log.plots import log_plots, series
     from snakegen.log.scene import scene
 
     header, files = encode(recording)
     rec = rr.RecordingStream(APPLICATION, recording_id=identity(header))
-    view, shown = scene(recording), series(recording)
+    seen = as_it_stands(recording)
+    view, shown = scene(seen), series(recording)
     strict = rr.strict_mode()
     try:
         rr.set_strict_mode(True)  # else a faulty column becomes a warning inside the log
@@ -90,7 +92,8 @@ def _encoded(recording: Recording, mesh_folder: Path | None, checksum: str) -> b
         sealed = rr.DynamicArchetype(ARCHETYPE, components={"checksum": [checksum]})
         rec.log("checksum", sealed, static=True)
         rec.send_recording_name(_title(recording))
-        log_body(rec, recording, view, mesh_folder)
+        log_body(rec, seen, view, mesh_folder)
+        log_plane(rec, recording, view.time)
         log_plots(rec, shown)
         _log_texts(rec, recording)
         rec.log(
