@@ -96,8 +96,8 @@ class Actuation:
 
 
 def applies(robot: Robot) -> bool:
-    """A robot with rotors."""
-    return bool(robot.modules.apparatuses)
+    """A robot with rotors and a free base."""
+    return robot.floating and bool(robot.modules.apparatuses)
 
 
 def scaled(robot: Robot, matrix: Floats, columns: Floats) -> Floats:

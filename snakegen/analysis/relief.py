@@ -20,7 +20,6 @@ from snakegen.statics.tip import find_tip, tip_pose
 
 COMMAND = "relief"
 ORDER = 77
-REPORT = False  # an arm's page is of its servos
 EXAMPLE = "dragon4 --set base=fixed --joint joint1_yaw=0.4"
 OPTIONS = {
     "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],

@@ -79,8 +79,8 @@ class Singularity:
 
 
 def applies(robot: Robot) -> bool:
-    """A robot with gimbals."""
-    return bool(robot.gimbal_names)
+    """A robot with gimbals and a free base."""
+    return robot.floating and bool(robot.gimbal_names)
 
 
 def analyze(robot: Robot, q: Floats, threshold: float = 0.02) -> Singularity:

@@ -32,8 +32,13 @@ class Body:
         Raises:
             AnalysisError: a robot without apparatuses or with a fixed base.
         """
-        if not robot.modules.apparatuses or not robot.floating:
+        if not robot.modules.apparatuses:
             raise AnalysisError(f"{robot.name} cannot hover: a sweep of margins needs rotors.")
+        if not robot.floating:
+            raise AnalysisError(
+                f"{robot.name} has a fixed base, whose attitude is base.pose: a sweep is of flight "
+                "margins and needs a floating one."
+            )
         indices = np.array([robot.joint_names.index(n) for n in joints], np.int64)
         return Body(robot, joints, indices, base, tolerance)
 
