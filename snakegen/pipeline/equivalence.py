@@ -247,7 +247,7 @@ class _Pinocchio:
 class _Own:
     """snakegen's own kinematics and RNEA, which the tests hold against Pinocchio."""
 
-    name = "snakegen kernels"
+    name = f"snakegen's own kinematics: more than {_PINOCCHIO_UP_TO} degrees of freedom"
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
