@@ -1,6 +1,7 @@
 """Traction of screw drives: against closed forms, another solver and contact."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -44,20 +45,26 @@ def test_forces_balance_the_whole_body(screw4, posture):
     direction = downhill(body, "nose_up")
     held = steepest_slope(body, direction, 0.4)
     gravity = gravity_on(held.value, direction)
+    up, at = np.array([0.0, 0.0, 1.0]), held.at
     forces = [
-        n * np.array([0, 0, 1]) + f * c.axle
-        for n, f, c in zip(held.at.normal, held.at.along, body.contacts, strict=True)
+        n * up + f * c.axle for n, f, c in zip(at.normal, at.along, body.contacts, strict=True)
     ]
+    # rolling friction: a force across the axle, at the height of the wheel's centre
+    across = [g * np.cross(up, c.axle) for g, c in zip(at.across, body.contacts, strict=True)]
+    assert np.abs(at.across).max() > 0.05
     cog = np.zeros(3)
     for i, mass in enumerate(screw4.tree.mass):
         cog += mass / screw4.mass * body.place(i, screw4.tree.com[i])
     moment = np.cross(cog, screw4.mass * gravity)
     for force, contact in zip(forces, body.contacts, strict=True):
         moment = moment + np.cross(contact.point, force)
-    assert np.abs(np.sum(forces, axis=0) + screw4.mass * gravity).max() < 0.02
+    for force, contact in zip(across, body.contacts, strict=True):
+        moment = moment + np.cross(contact.point + 0.012 * up, force)
+    assert np.abs(np.sum([*forces, *across], axis=0) + screw4.mass * gravity).max() < 0.02
     assert np.abs(moment).max() < 0.01  # the bisection stops at 1e-5 rad
-    drums = body.drums
-    assert (np.abs(held.at.along[drums]) <= 0.4 * held.at.normal[drums] + 1e-7).all()
+    drums, c = body.drums, 0.0003 / 0.012
+    use = np.hypot(at.along[drums] / 0.4, at.across[drums] / c)
+    assert (use <= at.normal[drums] + 1e-7).all()
     assert held.at.normal.min() > -1e-9 and held.value <= held.upper
 
 
@@ -100,9 +107,22 @@ def test_bounds_are_certified_and_in_order(straight):
 
 
 def test_a_straight_body_is_the_closed_form(straight):
-    """Helices of ±45°, loads free to share and none on the caster: tan β = μ cos 45°."""
+    """Helices of ±45°, loads free to share and none on the caster: tan β = |[μ, c]| cos 45°."""
     slope = steepest_slope(straight, downhill(straight, "nose_up"), 0.3).upper
+    exact = math.hypot(0.3, 0.025) * math.cos(math.pi / 4)
+    assert math.tan(slope) == pytest.approx(exact, rel=2e-3) and math.tan(slope) >= exact
+    free = replace(straight, rolling=0.0)
+    slope = steepest_slope(free, downhill(free, "nose_up"), 0.3).upper
     assert math.tan(slope) == pytest.approx(0.3 * math.cos(math.pi / 4), rel=1e-3)
+
+
+def test_rolling_friction_holds_more_and_never_less(straight):
+    """The more friction wheels roll against, the steeper, but never beyond sliding all ways."""
+    held = [
+        steepest_slope(replace(straight, rolling=c), downhill(straight, "nose_up"), 0.2).value
+        for c in (0.0, 0.02, 0.2)
+    ]
+    assert held[0] < held[1] < held[2] and math.tan(held[2]) < 0.2
 
 
 def test_weak_motors_limit_what_grip_allows(screw4):
@@ -111,8 +131,9 @@ def test_weak_motors_limit_what_grip_allows(screw4):
     pull = [largest_pull(b, downhill(b, "nose_up"), 0.8) for b in (strong, poor)]
     assert pull[1].value < 0.6 * pull[0].value
     assert any(text.startswith("torque of screw") for text in pull[1].at.limits)
-    # each screw carries F r sin α ≤ 0.2 N m
-    assert np.abs(pull[1].at.along).max() * 0.075 * math.sin(math.pi / 4) <= 0.2 + 1e-6
+    # each screw carries F r sin α − G (r − r_w) cos α, of 0.2 N m at most
+    f, g = np.abs(pull[1].at.along), np.abs(pull[1].at.across)
+    assert ((0.075 * f - 0.063 * g) * math.sin(math.pi / 4) <= 0.2 + 1e-6).all()
 
 
 def test_the_page_says_which_drums_carry(screw4):

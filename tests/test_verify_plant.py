@@ -11,6 +11,7 @@ from snakegen.control.power import battery_joules
 from snakegen.errors import SpecError
 from snakegen.kernels.flight.aerodynamics import add_stream, air_forces, ground_factor, rotor_in_air
 from snakegen.kernels.flight.flight import spin_torques
+from snakegen.robot.losses import Losses
 from snakegen.robot.robot import load
 from snakegen.simulation.flight import mujoco_arrays
 from snakegen.simulation.flight.plant import Imperfections
@@ -269,8 +270,9 @@ def test_gust_rises_to_its_peak_and_leaves_nothing():
 
 def test_every_field_of_the_specs_plant_reaches_the_loop(dragon4):
     spec = PlantSpec().model_dump()
-    ranges = spec.pop("uncertainty")
+    ranges, losses = spec.pop("uncertainty"), spec.pop("losses")
     assert ranges == vars(Spread()) == dragon4.modules.uncertainty
+    assert losses == vars(Losses()) == vars(dragon4.modules.losses)
     known = {f.name for f in fields(Imperfections)} - {"thrust_scale"}
     assert set(spec) == known
     own = {k: float(v) for k, v in spec.items()} | {"battery_energy": 213.0}

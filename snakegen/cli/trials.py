@@ -31,15 +31,17 @@ def fly_trials(
     *, seed: int, progress: Any, meshes: Path | None, **how: Any,
 ) -> int:  # fmt: skip
     """Flies trials, logs the worst to `path`, prints the outcome; returns the exit code."""
+    from snakegen.errors import MissionError
     from snakegen.log import write
-    from snakegen.simulation.arm.run import movable
-    from snakegen.simulation.arm.trials import arm_trials
     from snakegen.simulation.flight.run import prepare
     from snakegen.simulation.monte_carlo import fly_again, monte_carlo
 
-    if movable(machine):
+    own = _loop_of(machine, mission)
+    if own is not None:
+        if how["ideal"]:
+            raise MissionError("trials draw a plant that is not ideal; leave ideal out.")
         with progress as step:
-            found, worst = arm_trials(
+            found, worst = own(
                 machine, mission, count, seed=seed, options=how["options"], progress=step
             )
     else:
@@ -60,10 +62,24 @@ def fly_trials(
     return 0 if passed else 3
 
 
+def _loop_of(machine: Any, mission: str) -> Any:
+    """Returns the trials of an arm's or a drive's mission, None of a flight's."""
+    from snakegen.simulation.arm.run import movable
+    from snakegen.simulation.arm.trials import arm_trials
+    from snakegen.simulation.drive.trials import drive_trials
+    from snakegen.simulation.missions import mission as find
+
+    if movable(machine):
+        return arm_trials
+    module = find(mission, machine)
+    return drive_trials if module.__name__.split(".")[-2] == "drive" else None
+
+
 def outcome_lines(out: dict[str, Any], path: Path) -> list[str]:
     """Returns what a person reads of `MonteCarlo.to_json`."""
     low, high = out["survival_interval_95"]
-    runs = "runs" if "friction" in out["uncertainty"] else "flights"
+    flown = "thrust" in out["uncertainty"]
+    runs = "flights" if flown else "runs"
     lines = [
         f"{out['survived']} of {out['trials']} {runs} survived: {100 * out['survival']:.1f} % "
         f"(95 % interval {100 * low:.1f} … {100 * high:.1f} %); "
@@ -96,4 +112,6 @@ def _range(name: str, half: float) -> str:
         return f"{name} 0 … {100 * half:g} % of a servo's torque"
     if name == "offset_rad":
         return f"joint offset {1e3 * half:.3g} mrad (standard deviation)"
+    if name == "drums":
+        return f"drums' turn {100 * half:g} % (standard deviation)"
     return f"{name} ±{100 * half:g} %"

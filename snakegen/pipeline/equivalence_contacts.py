@@ -41,9 +41,12 @@ def contacts(at: Actuation, rollers: str | None) -> Iterator[Pairs]:
 
 
 def _drum(at: Actuation, number: int, screw: Screw, rollers: str) -> Iterator[Pairs]:
-    friction = (screw.friction, 0.0, 0.0)
+    arm = at.robot.modules.losses.arm
+    condim = 6 if arm > 0.0 else 3
+    friction = (screw.friction, 0.0, arm)
     if at.on_ball(screw):
-        row = _row(_GEOM.mjGEOM_SPHERE, (screw.radius,), np.zeros(3), friction, 3)
+        friction = (screw.friction, 0.0, arm * screw.radius / screw.wheel_radius)
+        row = _row(_GEOM.mjGEOM_SPHERE, (screw.radius,), np.zeros(3), friction, condim)
         yield from _compared(at, screw.joint, [row])
         joint = at.model.joint(screw.joint)
         found = at.model.dof_armature[joint.dofadr[0] : joint.dofadr[0] + 3]
@@ -52,7 +55,7 @@ def _drum(at: Actuation, number: int, screw: Screw, rollers: str) -> Iterator[Pa
     layout = wheel_layout(
         screw.alpha, screw.radius, screw.blades, screw.wheels_per_blade, rollers, screw.wheel_radius
     )
-    row = _row(_SHAPES[rollers], _size(rollers, layout), np.zeros(3), friction, 3)
+    row = _row(_SHAPES[rollers], _size(rollers, layout), np.zeros(3), friction, condim)
     for blade, wheel in zip(layout.blade, layout.wheel, strict=True):
         yield from _compared(at, f"wheel{number + 1}_{blade}_{wheel}", [row])
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from math import hypot, inf
 from typing import Any, cast
 
+from snakegen.robot.losses import Losses
 from snakegen.robot.modules_element import find_element
 
 
@@ -128,6 +129,7 @@ class Modules:
     gain_sets: dict[str, dict[str, Any]] = field(default_factory=dict)
     plant: dict[str, float] = field(default_factory=dict)
     uncertainty: dict[str, float] = field(default_factory=dict)
+    losses: Losses = field(default_factory=Losses)  # of screw drives
 
 
 def from_urdf(text: str) -> Modules | None:
@@ -157,6 +159,7 @@ def from_urdf(text: str) -> Modules | None:
         else {e.attrib["name"]: _gains(e) for e in control.findall("gains")},
         plant=_numbers(plant),
         uncertainty=_numbers(uncertainty),
+        losses=Losses.of(_numbers(element.find("plant/losses"))),
     )
 
 

@@ -136,12 +136,12 @@ _WITHIN = {
     ),
     "vectoring_apparatus": ("rotor",),
     "control": ("gains",),
-    "plant": ("uncertainty",),
+    "plant": ("uncertainty", "losses"),
 }  # fmt: skip
 _MOST = {  # elements of a kind in all
     "link": 1000, "servo": 10_000, "vectoring_apparatus": 1000, "rotor": 2000,
     "screw_drive": 1000, "caster": 1000, "mount": 1, "cables": 1, "control": 1, "plant": 1,
-    "gains": 100, "uncertainty": 1,
+    "gains": 100, "uncertainty": 1, "losses": 1,
 }  # fmt: skip
 _UNIQUE = {  # what two elements must not share
     "link": ("name",), "servo": ("joint",), "rotor": ("link",), "screw_drive": ("joint",),
@@ -270,11 +270,11 @@ def _check_unique(root: ET.Element, lines: dict[ET.Element, int]) -> None:
 
 
 def _check_models(root: ET.Element, lines: dict[ET.Element, int]) -> None:
-    """Checks <control>, <gains>, <plant> and <uncertainty> by the models of a spec."""
+    """Checks <control>, <gains>, <plant> and its parts by the models of a spec."""
     if root.find("control") is None and root.find("plant") is None:
         return
     from snakegen.spec.control import Control, GainSet
-    from snakegen.spec.plant import Plant, Uncertainty
+    from snakegen.spec.plant import Losses, Plant, Uncertainty
 
     for element in root.iter("gains"):
         values = {k: v.split() for k, v in element.attrib.items() if k != "name"}
@@ -291,8 +291,9 @@ def _check_models(root: ET.Element, lines: dict[ET.Element, int]) -> None:
         _check_model(Control, given, control, lines)
     if plant is not None:
         _check_model(Plant, dict(plant.attrib), plant, lines)
-        for element in plant.findall("uncertainty"):
-            _check_model(Uncertainty, dict(element.attrib), element, lines)
+        for name, model in (("uncertainty", Uncertainty), ("losses", Losses)):
+            for element in plant.findall(name):
+                _check_model(model, dict(element.attrib), element, lines)
 
 
 def _check_model(

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from snakegen.base import yaml_file
 from snakegen.errors import DescriptionError, near
+from snakegen.robot.losses import Losses
 from snakegen.robot.modules import Apparatus, Modules, Rotor, Servo
 from snakegen.robot.rotor_shafts import rotor_shafts
 from snakegen.spec.control import Control, GainSet
@@ -97,6 +98,7 @@ def _flying(data: dict[str, Any], name: str) -> dict[str, Any]:
             out |= {"control": control, "gain_sets": sets}
         if data.get("plant") is not None:
             plant = Plant.model_validate(data["plant"]).model_dump(mode="python")
+            out["losses"] = Losses.of(plant.pop("losses"))
             out |= {"uncertainty": plant.pop("uncertainty"), "plant": plant}
     except ValidationError as error:
         raise DescriptionError(f"{name}: {_first_mistake(error)}") from None

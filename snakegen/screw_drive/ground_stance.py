@@ -2,8 +2,8 @@
 
 World axes: z is the plane's normal, the base's heading that of the configuration. A drum is a ring
 of passive wheels of radius r about its link's x axis; it touches the ground at its lowest point and
-transmits a tangential force along its wheels' axles alone (HA eq 3), for the wheels roll freely
-across them. A caster has two frictionless balls.
+transmits a tangential force along its wheels' axles (HA eq 3); across them wheels roll, against
+their rolling and bearing friction (`plant.losses`). A caster has two frictionless balls.
 """
 
 from collections.abc import Sequence
@@ -21,6 +21,7 @@ from snakegen.robot.robot import Robot
 
 _STEP = 0.2  # rad, largest turn of one step of the search for rest
 _TOLERANCE = 1e-10  # m, that the centre of gravity still falls in a step at rest
+_UP = np.array([0.0, 0.0, 1.0])
 COMPLIANCE = 5e-6  # m/N of a contact: 0.1 mm under a quarter of HA's weight (assumed)
 
 
@@ -48,6 +49,8 @@ class Stance:
         contacts: k points.
         normal, along: (k, 6 + m) velocity of each contact along z and along its axle.
         gravity: (6 + m, 3) generalized force of a gravity vector [m/s²].
+        across: (k, 6 + m) velocity of the touching wheel's centre across its axle.
+        rolling: force that holds a wheel from rolling, over its load.
         gap: (k,) m over the plane before joints yield.
     """
 
@@ -61,6 +64,8 @@ class Stance:
     normal: Floats
     along: Floats
     gravity: Floats
+    across: Floats
+    rolling: float
     gap: Floats
 
     @property
@@ -94,6 +99,8 @@ def stance(robot: Robot, q: Floats, compliance: float = COMPLIANCE) -> Stance:
     points = _contacts(robot, rotation, angles)
     low = min(c.point[2] for c in points)
     rows = [_moving(robot, rotation, angles, c, joints) for c in points]
+    wheel = robot.modules.screws[0].wheel_radius
+    centres = [_moving(robot, rotation, angles, c, joints, wheel) for c in points]
     return Stance(
         robot,
         rotation,
@@ -105,6 +112,8 @@ def stance(robot: Robot, q: Floats, compliance: float = COMPLIANCE) -> Stance:
         np.array([row[2] for row in rows]),
         np.array([c.axle @ row for c, row in zip(points, rows, strict=True)]),
         _gravity(robot, rotation, angles, joints),
+        np.array([_UP @ np.cross(c.axle, row.T).T for c, row in zip(points, centres, strict=True)]),
+        robot.modules.losses.arm / wheel,
         np.array([c.point[2] - low for c in points]),
     )
 
@@ -126,11 +135,16 @@ def _jacobian(
 
 
 def _moving(
-    robot: Robot, rotation: Floats, angles: Floats, contact: Contact, joints: Sequence[str]
+    robot: Robot,
+    rotation: Floats,
+    angles: Floats,
+    contact: Contact,
+    joints: Sequence[str],
+    above: float = 0.0,
 ) -> Floats:
-    """Returns the velocity (3, 6 + m) of a contact's material."""
+    """Returns the velocity (3, 6 + m) of a contact's material, or of a point `above` it [m]."""
     turns, places = forward(robot.tree, rotation, np.zeros(3), angles)
-    at = turns[contact.body].T @ (contact.point - places[contact.body])
+    at = turns[contact.body].T @ (contact.point + above * _UP - places[contact.body])
     return _jacobian(robot, rotation, angles, contact.body, at, joints)[1]
 
 

@@ -1,14 +1,16 @@
 """Largest load that a body of drums holds on a plane: linear programs over its contact forces.
 
-A drum i carries a normal force ``N_i ≥ 0`` and a force ``|F_i| ≤ μ N_i`` along its wheels' axles; a
-caster's ball carries a normal force. With generalized coordinates [base twist; held joints]:
+A drum i carries a normal force ``N_i ≥ 0``, a force F_i along its wheels' axles and a force G_i
+across them, which rolling and bearing friction hold: ``(F_i / μ)² + (G_i / c)² ≤ N_i²``, as a
+polygon inside it (the figure) or round it (the bound). A caster's ball carries a normal force. With
+generalized coordinates [base twist; held joints]:
 
-    J_nᵀ N + J_aᵀ F + w₀ + t w₁ = [0; -τ],   |τ_j| ≤ effort of servo or motor
+    J_nᵀ N + J_aᵀ F + J_cᵀ G + w₀ + t w₁ = [0; -τ],   |τ_j| ≤ effort of servo or motor
 
 The largest t over all N and F is an upper bound (any sharing of the load by the contacts). The
 lower bound, the figure, has the normal forces that servos and contacts share by their compliance:
-``K δ = (J_aᵀ F + J_nᵀ N + w)_δ``, ``J_n [ξ; δ] + ε N = -gap``; a contact whose force would become
-negative has lifted and carries no more. Both optima are certified by weak duality.
+``K δ = (J_aᵀ F + J_cᵀ G + J_nᵀ N + w)_δ``, ``J_n [ξ; δ] + ε N = -gap``; a contact whose force
+would become negative has lifted and carries no more. Both optima are certified by weak duality.
 """
 
 from dataclasses import dataclass
@@ -22,6 +24,7 @@ from snakegen.screw_drive.ground_stance import COMPLIANCE, Stance
 
 Mask = NDArray[np.bool_]
 _UPRIGHT = (2, 3, 4)  # z, roll, pitch of the base twist: what normal forces hold
+_SIDES = 32  # of the polygons
 _ACTIVE = 1e-7  # share of its scale at which a constraint counts as active
 
 
@@ -33,7 +36,7 @@ class HeldLoad:
         factor: t; inf where nothing limits it, nan where the body does not even rest.
         certified: bound of t by weak duality, t ≤ certified up to rounding.
         normal: (k,) N of each contact.
-        along: (k,) N along the axles.
+        along, across: (k,) N along the axles and across them.
         torque: (m,) N m of the held joints.
         limits: names of what limits it: "friction of screw2", "lift of caster1 left" …
     """
@@ -42,6 +45,7 @@ class HeldLoad:
     certified: float
     normal: Floats
     along: Floats
+    across: Floats
     torque: Floats
     limits: tuple[str, ...]
 
@@ -88,7 +92,7 @@ def resting_loads(body: Stance, load: Floats, compliance: float = COMPLIANCE) ->
 
 
 def _sharing(body: Stance, active: Mask, compliance: float) -> tuple[Floats, Floats, Floats]:
-    """Returns N of the active contacts as ``constant + by_load w + by_along F``."""
+    """Returns N of the active contacts as ``constant + by_load w + by_tangent [F; G]``."""
     soft = np.flatnonzero(np.isfinite(body.stiffness))
     index = np.concatenate([_UPRIGHT, 6 + soft])
     J, many = body.normal[np.ix_(active, index)], int(active.sum())
@@ -101,7 +105,8 @@ def _sharing(body: Stance, active: Mask, compliance: float) -> tuple[Floats, Flo
     right[: len(index), 1:] = select
     found = np.linalg.lstsq(left, right, rcond=1e-13)[0][len(index) :]
     by_load = found[:, 1:]
-    return found[:, 0], by_load, by_load @ body.along[body.drums].T
+    tangents = np.vstack([body.along[body.drums], body.across[body.drums]])
+    return found[:, 0], by_load, by_load @ tangents.T
 
 
 def _carrying(body: Stance, load: Floats, compliance: float) -> Mask:
@@ -124,35 +129,41 @@ def _solve(
     active: Mask,
     compliance: float | None,
 ) -> HeldLoad:
-    """Solves one program in [F of the drums; N of the active contacts; t]."""
+    """Solves one program in [F and G of the drums; N of the active contacts; t]."""
     drums = np.flatnonzero(body.drums)
     carrying = np.flatnonzero(active)
     n, k = len(drums), len(carrying)
-    forces = np.hstack([body.along[drums].T, body.normal[carrying].T])
+    slack = np.isfinite(friction) and body.rolling > 0.0
+    sideways = body.across[drums].T if slack else np.zeros((body.across.shape[1], n))
+    forces = np.hstack([body.along[drums].T, sideways, body.normal[carrying].T])
     equal = [np.hstack([forces[:6], rising[:6, None]])]
     value = [-fixed[:6]]
     if compliance is not None:
-        constant, by_load, by_along = _sharing(body, active, compliance)
-        equal.append(np.hstack([-by_along, np.eye(k), -(by_load @ rising)[:, None]]))
+        constant, by_load, by_tangent = _sharing(body, active, compliance)
+        equal.append(np.hstack([-by_tangent, np.eye(k), -(by_load @ rising)[:, None]]))
         value.append(constant + by_load @ fixed)
     rows, most, names = [], [], []
     for i, drum in enumerate(drums):
         where = np.flatnonzero(carrying == drum)
-        for sign in (1.0, -1.0) if np.isfinite(friction) or not where.size else ():
-            row = np.zeros(n + k + 1)
-            row[i] = sign
-            row[n + where] = -friction
-            rows.append(row)
-            most.append(0.0)
-            names.append(f"friction of {body.contacts[drum].name}")
+        limited = np.isfinite(friction) or not where.size
+        for f, g, h in _cone(friction, body.rolling if slack else 0.0, compliance is not None):
+            row = np.zeros(2 * n + k + 1)
+            row[i], row[n + i] = f, g
+            if where.size:
+                row[2 * n + where] = -h
+            if limited:
+                rows.append(row)
+                most.append(0.0)
+                names.append(f"friction of {body.contacts[drum].name}")
     joints = np.hstack([forces[6:], rising[6:, None]])
     for j, name in enumerate(body.joints):
         for sign in (1.0, -1.0):
             rows.append(sign * joints[j])
             most.append(body.effort[j] - sign * fixed[6 + j])
             names.append(f"torque of {name}")
-    bounds = [(None, None)] * n + [(0.0, None)] * k + [(0.0, None)]
-    cost = np.zeros(n + k + 1)
+    sideways_bound = (None, None) if slack else (0.0, 0.0)
+    bounds = [(None, None)] * n + [sideways_bound] * n + [(0.0, None)] * (k + 1)
+    cost = np.zeros(2 * n + k + 1)
     cost[-1] = -1.0
     A, b = np.array(rows), np.array(most)
     Ae, be = np.vstack(equal), np.concatenate(value)
@@ -161,14 +172,30 @@ def _solve(
     if found.status != 0:
         factor = np.inf if found.status == 3 else np.nan
         nothing = np.zeros(shape)
-        return HeldLoad(factor, factor, nothing, nothing, np.zeros(len(body.joints)), ())
-    normal, along = np.zeros(shape), np.zeros(shape)
-    along[drums], normal[carrying] = found.x[:n], found.x[n : n + k]
+        return HeldLoad(factor, factor, nothing, nothing, nothing, np.zeros(len(body.joints)), ())
+    normal, along, across = np.zeros((3, shape))
+    along[drums], across[drums] = found.x[:n], found.x[n : 2 * n]
+    normal[carrying] = found.x[2 * n : 2 * n + k]
     weights = found.ineqlin.marginals
     limits = [names[i] for i in np.flatnonzero(np.abs(weights) > 1e-9)]
-    lifted = np.flatnonzero(found.lower.marginals[n : n + k] > 1e-9)
+    lifted = np.flatnonzero(found.lower.marginals[2 * n : 2 * n + k] > 1e-9)
     limits += [f"lift of {body.contacts[carrying[i]].name}" for i in lifted]
     bound = -(b @ weights + be @ found.eqlin.marginals)
     torque = -(joints @ found.x + fixed[6:])
     unique = tuple(dict.fromkeys(limits))
-    return HeldLoad(float(found.x[-1]), float(bound), normal, along, torque, unique)
+    return HeldLoad(float(found.x[-1]), float(bound), normal, along, across, torque, unique)
+
+
+def _cone(friction: float, rolling: float, inside: bool) -> list[tuple[float, float, float]]:
+    """Returns (f, g, h) of ``f F + g G ≤ h N``: the friction of a drum along and across its axles.
+
+    Args:
+        friction: μ; inf gives the rows that hold a drum in the air.
+        rolling: c; 0: wheels that roll freely.
+        inside: a polygon inside the ellipse, its corners on the axes, else one round it.
+    """
+    if not rolling:
+        return [(1.0, 0.0, friction), (-1.0, 0.0, friction)]
+    angle = 2.0 * np.pi / _SIDES * (np.arange(_SIDES) + 0.5)
+    size = friction * (np.cos(np.pi / _SIDES) if inside else 1.0)
+    return [(float(np.cos(a)), float(np.sin(a)) * friction / rolling, float(size)) for a in angle]

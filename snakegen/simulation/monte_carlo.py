@@ -54,6 +54,8 @@ class Spread:
     delay: float = 0.010  # s, added: 0 … this
     noise: float = 0.50  # all sensors'
     friction: float = 0.005  # of an arm's joints: share of the servo's limit, 0 … this
+    ground: float = 0.25  # friction of a drive's wheels on the ground
+    losses: float = 0.50  # a drive's rolling and bearing friction, play, its cable's weight
 
     @staticmethod
     def of(values: dict[str, Any]) -> "Spread":
@@ -119,8 +121,8 @@ class MonteCarlo:
 
 
 def ranges(spread: Any) -> dict[str, float]:
-    """Returns the ranges that trials draw from, by name; flights draw no joint friction."""
-    unused = {"friction"} if isinstance(spread, Spread) else set()
+    """Returns the ranges that trials draw from, by name; flights draw none of drives and arms."""
+    unused = {"friction", "ground", "losses"} if isinstance(spread, Spread) else set()
     return {k: v for k, v in vars(spread).items() if k not in unused}
 
 

@@ -14,7 +14,7 @@ class RunSettings:
         ideal: perfect sensors and actuators.
         progress: called with steps done and steps in all.
         draw: of an arm, the ranges and the generator from which its hardware is drawn instead of
-            the seed (`arm.trials`).
+            the seed (`arm.trials`); of a drive, what a trial draws besides (`drive.hardware`).
     """
 
     seed: int = 0

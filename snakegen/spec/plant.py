@@ -17,7 +17,8 @@ Share = Annotated[float, Field(ge=0, lt=1), BeforeValidator(number)]
 class Uncertainty(Part):
     """Half ranges of uniform draws: what is not known well of a robot (assumed).
 
-    Flights draw them with `--trials`, drives and arms in every run.
+    Flights draw them with `--trials`; drives and arms draw masses, inertias and arms' friction in
+    every run, the rest with `--trials`.
 
     Shares of the nominal value, for a mass or an inertia of each body on its own.
     """
@@ -28,8 +29,39 @@ class Uncertainty(Part):
     lag: Share = Field(0.30, description="of all motors' lag")
     delay: NonNegative = Field(0.010, description="s, added to the delay: 0 … this")
     noise: Share = Field(0.50, description="of all sensors' noise")
+    ground: Share = Field(0.25, description="of the friction of a drive's wheels on the ground")
+    losses: Share = Field(0.50, description="of all of a drive's `plant.losses`")
     friction: Share = Field(
         0.005, description="dry friction of an arm's joints, share of the servo's limit: 0 … this"
+    )
+
+
+class Losses(Part):
+    """What a screw drive loses; 0 switches one off."""
+
+    rolling: NonNegative = Field(
+        0.0002,
+        description="m, moment of rolling friction over the load of a wheel on the ground, for a "
+        "hard tyre on a hard floor (assumed)",
+    )
+    bearing: NonNegative = Field(
+        0.0001,
+        description="m, moment of a wheel's bearing over its load: friction 0.1 on a pin of 1 mm "
+        "radius (assumed)",
+    )
+    play: NonNegative = Field(
+        0.0058,
+        description="rad, of yaw and pitch joints from stop to stop (20', as ROBOTIS states it of "
+        "MX servos); their encoders are on the motor's side of it",
+    )
+    cable_mass: NonNegative = Field(
+        0.0, description="kg/m of a cable that the tail drags behind; 0: no cable"
+    )
+    cable_friction: NonNegative = Field(
+        0.4, description="of that cable on the ground and round corners (assumed)"
+    )
+    cable_length: NonNegative = Field(
+        1.0, description="m of that cable laid out behind the tail at the start (assumed)"
     )
 
 
@@ -104,6 +136,7 @@ class Plant(Part):
     link_damping: NonNegative = Field(
         0.0002, description="s, over stiffness: 2 % of critical at 30 Hz (assumed)"
     )
+    losses: Losses = Field(Losses(), description="of screw drives: friction, play, a cable")
     uncertainty: Uncertainty = Field(
         Uncertainty(), description="ranges of what many trials are flown over"
     )

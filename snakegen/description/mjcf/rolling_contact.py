@@ -32,6 +32,7 @@ class ScrewContact:
     rollers: str = "ring_sphere"
     wheel_radius: float = 0.012
     friction: float = 0.8
+    arm: float = 0.0  # m, moment of rolling and bearing friction over a wheel's load
     # Beyond gain · timestep ≈ armature the solver, which does not see the servo's damping, takes
     # the drum for lighter than it is: at 20 N·m·s and 0.005 kg m² the balls slip 0.05 m/s.
     screw_gain: float = 10.0  # N·m·s/rad of the screw's velocity servo
@@ -87,8 +88,7 @@ def _strip(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
 def _roller(geom: mujoco.MjsGeom, contact: ScrewContact) -> None:
     """Gives a geom the friction and masks of a roller: it touches the ground and nothing else."""
     geom.contype, geom.conaffinity = 0, GROUND_BIT
-    geom.condim = 3
-    geom.friction = [contact.friction, 0.0, 0.0]
+    geom.condim, geom.friction = friction_of(contact, geom.size[0])
     geom.priority = 1
     # A tyre: at five time steps the load passes from wheel to wheel without lifting a unit off;
     # at two, the mean twist error over fifteen shapes and twists rises from 0.3 to 1.4 %.
@@ -98,6 +98,18 @@ def _roller(geom: mujoco.MjsGeom, contact: ScrewContact) -> None:
     geom.solimp = [0.9, 0.95, 0.001, 0.5, 2.0]
     geom.mass = 0.0
     geom.group = 3
+
+
+def friction_of(contact: ScrewContact, radius: float) -> tuple[int, list[float]]:
+    """Returns condim and MuJoCo's friction of a roller: sliding, torsional, rolling [m].
+
+    Rolling and bearing friction oppose rolling with ``arm`` times the load. It acts about every
+    axis in the ground's plane; what a bearing would leave free is an eighth of a wheel's turning.
+    A ball in place of a drum has the resistance of the drum's wheels: the arm grows as the radius.
+    """
+    if contact.arm == 0.0:
+        return 3, [contact.friction, 0.0, 0.0]
+    return 6, [contact.friction, 0.0, contact.arm * radius / contact.wheel_radius]
 
 
 def _wheels(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
@@ -241,6 +253,7 @@ def decorate_drive(
         rollers or one.rollers,
         one.wheel_radius,
         one.friction,
+        modules.losses.arm,
         one.gain,
         one.torque,
         one.armature,

@@ -12,6 +12,7 @@ from snakegen.description.mjcf.rolling_contact import HEAD
 from snakegen.errors import MissionError
 from snakegen.screw_drive.ground_paths import Reference
 from snakegen.simulation.drive.kinematic_plant import DriveRun, Law
+from snakegen.simulation.drive.losses import motor_side, through_play
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ class ContactDrive:
     units: int
     yaws: tuple[str, ...] | None = None  # names of the yaw joints; joint1_yaw … if absent
     pitches: tuple[str, ...] = ()  # names of joints that `hold` sets
+    play: float = 0.0  # rad, of all these joints, from stop to stop
 
     def __post_init__(self) -> None:
         """Looks up screws, joints and the head; raises MissionError where one is missing."""
@@ -44,9 +46,12 @@ class ContactDrive:
         self.yaw_servo = _ids(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, yaws)
         self.pitch_servo = _ids(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, self.pitches)
         joints = _ids(self.model, mujoco.mjtObj.mjOBJ_JOINT, yaws)
+        pitched = _ids(self.model, mujoco.mjtObj.mjOBJ_JOINT, self.pitches)
         gain, bias = self.model.actuator_gainprm, self.model.actuator_biasprm
         self.lead = -bias[self.yaw_servo, 2] / gain[self.yaw_servo, 0]
         self.yaw_q = self.model.jnt_qposadr[joints]
+        self.pitch_q = self.model.jnt_qposadr[pitched]
+        self.held = np.zeros(self.pitch_q.size)
         self.head = int(_ids(self.model, mujoco.mjtObj.mjOBJ_SITE, [HEAD])[0])
         self.data = mujoco.MjData(self.model)
         self.unit_of = self._units()
@@ -72,6 +77,7 @@ class ContactDrive:
         self.data.qpos[self.yaw_q] = w[3:]
         self.targets, self.beside = w[3:].copy(), np.zeros(len(w) - 3)
         self.data.ctrl[self.yaw_servo] = self.targets
+        self.held[:] = 0.0
         mujoco.mj_forward(self.model, self.data)
         self.heading = float(w[2])
 
@@ -83,13 +89,19 @@ class ContactDrive:
         x, y, _ = self.data.site_xpos[self.head]
         return np.concatenate([[x, y, self.heading], self.data.qpos[self.yaw_q] - self.beside])
 
+    def read(self) -> Floats:
+        """Returns w (m + 2,) as encoders on the motors' side of the play read its joints."""
+        w, angle = self.state(), self.data.qpos[self.yaw_q]
+        w[3:] = motor_side(self.targets + self.beside, angle, self.play) - self.beside
+        return w
+
     def hold(self, pitches: ArrayLike, beside: ArrayLike = 0.0) -> None:
         """Sets the targets of the joints `pitches` [rad]; they hold at 0 otherwise.
 
         Where links are pitched, headings differ by other angles than the yaw joints': these turn
         `beside` [rad] what the law asks for, and `state` leaves that out.
         """
-        self.data.ctrl[self.pitch_servo] = pitches
+        self.held[:] = pitches
         self.beside[:] = beside
 
     def soften(self, factor: float) -> None:
@@ -97,17 +109,23 @@ class ContactDrive:
         self.model.actuator_gainprm[self.pitch_servo, 0] /= factor
         self.model.actuator_biasprm[self.pitch_servo, 1] /= factor
 
-    def load(self, gravity: ArrayLike, pull: ArrayLike, link: str, point: ArrayLike) -> None:
-        """Sets gravity (3,) [m/s²] and a pull (3,) [N] at a point of a link, world axes."""
-        self.model.opt.gravity[:] = gravity
+    def release(self) -> None:
+        """Takes all pulls away."""
         self.data.qfrc_applied[:] = 0.0
-        if link and np.any(pull):
-            body = self.model.body(link).id
-            turn = self.data.xmat[body].reshape(3, 3)
-            where = self.data.xpos[body] + turn @ np.asarray(point, float)
-            force, nothing = np.asarray(pull, float), np.zeros(3)
+
+    def place(self, link: str, point: ArrayLike) -> Floats:
+        """Returns a point (3,) of a link in the world [m]."""
+        body = self.model.body(link).id
+        turn = self.data.xmat[body].reshape(3, 3)
+        return np.asarray(self.data.xpos[body] + turn @ np.asarray(point, float))
+
+    def pull(self, force: ArrayLike, link: str, point: ArrayLike) -> None:
+        """Adds a force (3,) [N], world axes, at a point of a link."""
+        if link and np.any(force):
+            body, where = self.model.body(link).id, self.place(link, point)
+            pull, nothing = np.asarray(force, float), np.zeros(3)
             mujoco.mj_applyFT(
-                self.model, self.data, force, nothing, where, body, self.data.qfrc_applied
+                self.model, self.data, pull, nothing, where, body, self.data.qfrc_applied
             )
 
     def step(self, u: ArrayLike, steps: int = 1) -> None:
@@ -118,7 +136,11 @@ class ContactDrive:
         ahead = self.lead * u[self.units :]
         for _ in range(steps):
             self.targets = self.targets + u[self.units :] * self.model.opt.timestep
-            self.data.ctrl[self.yaw_servo] = self.targets + self.beside + ahead
+            qpos, aim = self.data.qpos, self.targets + self.beside
+            self.data.ctrl[self.yaw_servo] = through_play(aim, qpos[self.yaw_q], self.play) + ahead
+            self.data.ctrl[self.pitch_servo] = through_play(
+                self.held, qpos[self.pitch_q], self.play
+            )
             mujoco.mj_step(self.model, self.data)
         mujoco.mj_kinematics(self.model, self.data)
 

@@ -1,32 +1,68 @@
-"""What a drive's hardware adds to its model: sensors, drums that are not alike, masses.
+"""What a drive's hardware adds to its model: sensors, drums that are not alike, masses, losses.
 
 Drawn once a run from one generator; the same plant fields and seeds as of a flight.
 """
+
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from snakegen.base.geometry import Floats
+from snakegen.robot.losses import NONE, Losses
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.plant import Imperfections, bounded_normal
 from snakegen.simulation.monte_carlo import Spread
+from snakegen.simulation.run_settings import RunSettings
+
+_NOISES = ("position_noise", "attitude_bias", "attitude_noise", "joint_noise")
+
+
+@dataclass(frozen=True)
+class DriveDraw:
+    """What a trial draws beside what every run draws: factors, s of delay, another body."""
+
+    ground: float = 1.0  # of the friction of wheels and casters on the ground
+    losses: float = 1.0  # of rolling and bearing friction, play, the cable's weight
+    noise: float = 1.0  # of all sensors
+    delay: float = 0.0
+    body: Robot | None = None  # that drives in place of the one that the law knows
+
+    def to_json(self) -> dict[str, float]:
+        """Returns what was drawn, by name."""
+        factors = {n: getattr(self, n) for n in ("ground", "losses", "noise")}
+        return factors | {"delay_s": self.delay}
+
+    def shaken(self, what: Imperfections) -> Imperfections:
+        """Returns a plant with this noise and delay."""
+        noises = {name: self.noise * getattr(what, name) for name in _NOISES}
+        return replace(what, delay=what.delay + self.delay, **noises)
+
+    def worn(self, losses: Losses) -> Losses:
+        """Returns losses scaled."""
+        changed = {n: self.losses * getattr(losses, n) for n in ("rolling", "bearing", "play")}
+        return replace(losses, cable_mass=self.losses * losses.cable_mass, **changed)
 
 
 class DriveHardware:
     """One draw of a drive's hardware; `measured` goes through a run's sensor noise in order."""
 
-    def __init__(self, robot: Robot, seed: int, size: int, *, ideal: bool) -> None:
+    def __init__(self, robot: Robot, settings: RunSettings, size: int) -> None:
         """Draws what is constant in a run.
 
         Args:
             robot: with n drums.
-            seed: of everything that is drawn.
+            settings: seed of everything that is drawn; ideal: perfect sensors, drums and masses,
+                no losses; draw: a DriveDraw, what a trial draws besides.
             size: n + 2, of the state.
-            ideal: perfect sensors, drums and masses.
         """
+        draw = DriveDraw() if settings.draw is None else settings.draw
+        ideal = settings.ideal
         what = Imperfections.of(robot.modules.plant)
-        self.what = what = what.ideal() if ideal else what
-        self.rng = np.random.default_rng(seed)
+        self.what = what = what.ideal() if ideal else draw.shaken(what)
+        self.losses = NONE if ideal else draw.worn(robot.modules.losses)
+        self.robot = _rolling_on(draw.body or robot, self.losses, draw.ground)
+        self.rng = np.random.default_rng(settings.seed)
         self.offset = np.zeros(size)
         self.offset[2] = what.attitude_bias * bounded_normal(self.rng, 3)[2]
         self.offset[3:] = what.joint_noise * self.rng.standard_normal(size - 3)
@@ -61,3 +97,9 @@ class DriveHardware:
         out = np.array(command)
         out[: len(self.factor)] *= self.factor
         return out
+
+
+def _rolling_on(robot: Robot, losses: Losses, ground: float) -> Robot:
+    """Returns the robot as it meets the ground: with these losses, friction scaled by `ground`."""
+    screws = tuple(replace(s, friction=ground * s.friction) for s in robot.modules.screws)
+    return replace(robot, modules=replace(robot.modules, losses=losses, screws=screws))

@@ -59,6 +59,7 @@ def load_facts(load: GroundLoad, held: Held) -> dict[str, Any]:
     """Returns what the log keeps of a load and its prediction, as JSON."""
     return {
         "load_kind": load.kind,
+        "load_direction": [float(x) for x in load.direction],
         "load_time_s": list(load.time),
         "load_value": list(load.value),
         "predicted": held.value,

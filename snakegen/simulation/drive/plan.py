@@ -67,6 +67,8 @@ class DrivePlan:
         duration: s.
         gain: K [1/s], one or (m + 2,).
         feedback: whether the state is fed back.
+        integral: 1/s, of the integral of the head's error beside the error: the rate servos of
+            screws give way under load, and a drive that holds its place takes that back.
         lift: over time [s], pitch joint angles and what yaw joints turn beside the shape [rad];
             None: all at 0.
         compliance: pitch servos are softer by this factor, so that every drum finds the ground.
@@ -82,6 +84,7 @@ class DrivePlan:
     duration: float
     gain: float | tuple[float, ...] = GAIN
     feedback: bool = True
+    integral: float = 0.0
     lift: Callable[[float], tuple[Floats, Floats]] | None = None
     compliance: float = 1.0
     load: GroundLoad | None = None
@@ -106,6 +109,26 @@ class DrivePlan:
 def lasting(options: DriveOptions, own: float) -> float:
     """Returns the duration asked for [s], else the mission's own."""
     return own if options.duration is None else options.duration
+
+
+def at_most(
+    bounds: dict[str, float], options: DriveOptions, usual: float = 0.125
+) -> dict[str, dict[str, Any] | None]:
+    """Returns checks of these bounds, measured at the usual speed [m/s] and gain.
+
+    A law of gain K leaves an error of what slips in 1/K: distances and slip grow with the speed,
+    distances with 1/K too. None grows less than measured.
+    """
+    quick = options.speed / usual
+    slow = GAIN / options.gain if options.gain > 0 else 1.0
+    out: dict[str, dict[str, Any] | None] = {}
+    for name, bound in bounds.items():
+        grows = quick * slow if name.startswith("distance") else quick
+        known = name.startswith(("distance", "slip"))
+        out[name] = {"at_most": bound * max(1.0, grows) if known else bound}
+        if name == "tilt_max_rad":  # contact alone has it
+            out[name] = {"at_most": bound, "channel": "wheel_load"}
+    return out
 
 
 def can_drive(robot: Robot) -> bool:
@@ -218,8 +241,8 @@ def held_plan(
     reference = HoldReference(state, duration)
     event = ((load.time[1], f"the {load.kind} begins"),)
     return DrivePlan(
-        reference, state, duration, gain, load=load, thresholds=thresholds, facts=facts,
-        events=event,
+        reference, state, duration, gain, integral=gain / 2, load=load, thresholds=thresholds,
+        facts=facts, events=event,
     )  # fmt: skip
 
 

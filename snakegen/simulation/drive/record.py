@@ -7,6 +7,7 @@ import numpy as np
 from snakegen import __version__
 from snakegen.base.geometry import Floats
 from snakegen.errors import MissionError
+from snakegen.robot.losses import NONE
 from snakegen.robot.robot import Robot
 from snakegen.screw_drive.geometry import yaw_joints
 from snakegen.screw_drive.kinematics import ScrewGeometry
@@ -73,6 +74,8 @@ def drive(
         driven = run_kinematic(robot, plan, settings.progress)
     else:
         driven = run_contact(robot, plan, settings, rollers=rollers)
+    nominal = settings.ideal or plant == "kinematic"
+    losses = NONE if nominal else robot.modules.losses
     gain = np.broadcast_to(np.asarray(plan.gain, float), plan.start.shape).tolist()
     meta = {
         "mission": mission,
@@ -80,7 +83,9 @@ def drive(
         "mode": "screw drive",
         "drive_plant": plant,
         "rollers": rollers or robot.modules.screws[0].rollers if plant == "contact" else "",
-        "ideal": settings.ideal or plant == "kinematic",
+        "ideal": nominal,
+        "losses": vars(losses),
+        "drawn": {} if settings.draw is None else settings.draw.to_json(),
         "gain_1_s": gain,
         "feedback": plan.feedback,
         "reference_s": plan.reference.duration,

@@ -20,6 +20,7 @@ from snakegen.simulation.drive.contact_plant import ContactDrive, unit_contacts
 from snakegen.simulation.drive.hardware import DriveHardware
 from snakegen.simulation.drive.kinematic_plant import drive_kinematic
 from snakegen.simulation.drive.load import AWAY, ROLLED
+from snakegen.simulation.drive.losses import CableDrag
 from snakegen.simulation.drive.plan import DrivePlan, rates
 from snakegen.simulation.flight.plan import Box
 from snakegen.simulation.run_settings import NOMINAL, RunSettings
@@ -137,27 +138,35 @@ def run_contact(
     """
     geometry, yaws = drive_geometry(robot), yaw_joints(robot)
     law = law_of(robot, geometry, plan)
-    model = contact_model(robot, plan.obstacles, rollers)
+    hardware = DriveHardware(robot, settings, len(plan.start))
+    model = contact_model(hardware.robot, plan.obstacles, rollers)
     drive = ContactDrive(model, geometry.units, yaws, pitch_joints(robot))
+    drive.play = hardware.losses.play
     drive.soften(plan.compliance)
-    hardware = DriveHardware(robot, settings.seed, len(plan.start), ideal=settings.ideal)
     hardware.change_bodies(model)
+    cable, tail = CableDrag(hardware.losses), tail_of(robot)
     drive.reset(plan.start)
     out, record = Driven(robot, geometry), _Recorder(robot, drive)
     ticks = round(plan.duration / PERIOD) + 1
     steps = max(1, round(PERIOD / model.opt.timestep))
     out.events = [(t, "INFO", text) for t, text in plan.events]
-    t = 0.0
+    t, drift = 0.0, np.zeros(len(plan.start))
     try:
         for k in range(ticks):
             t = k * PERIOD
             if plan.lift is not None:
                 drive.hold(*plan.lift(t))
+            drive.release()
             if plan.load is not None:
-                drive.load(*plan.load.at(t), plan.load.link, plan.load.point)
+                gravity, pull = plan.load.at(t)
+                drive.model.opt.gravity[:] = gravity
+                drive.pull(pull, plan.load.link, plan.load.point)
+            drive.pull(cable.force(drive.place(*tail), PERIOD), *tail)
             w = drive.state()
             desired, rate = plan.reference.at(t)
-            u = law.command(hardware.measured(w, PERIOD), desired, rate)
+            seen = hardware.measured(drive.read(), PERIOD)
+            drift[:3] += plan.integral * PERIOD * (seen - desired)[:3]
+            u = law.command(seen, desired - drift, rate)
             record.add(out, t, w, desired, u)
             drive.step(hardware.given(u), steps)
             # the body's speed: a wheel of a few grams may well spin fast
@@ -180,6 +189,13 @@ def _let_go(drive: ContactDrive, w: Floats, desired: Floats) -> bool:
     """Tells whether a drive that holds its place has left it, or has rolled over."""
     upright = float(drive.data.site_xmat[drive.head][8])
     return bool(np.hypot(*(w - desired)[:2]) > AWAY or upright < math.cos(ROLLED))
+
+
+def tail_of(robot: Robot) -> tuple[str, tuple[float, float, float]]:
+    """Returns the last link and its end (3,) [m] in its axes: where a cable leaves the body."""
+    lengths = robot.modules.lengths
+    name = list(lengths)[-1] if lengths else robot.root_link
+    return name, (lengths.get(name, 0.0), 0.0, 0.0)
 
 
 def pitch_joints(robot: Robot) -> tuple[str, ...]:

@@ -10,7 +10,14 @@ from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
 from snakegen.screw_drive.geometry import yaw_joints
 from snakegen.screw_drive.ground_paths import l_crank
-from snakegen.simulation.drive.plan import DriveOptions, DrivePlan, can_drive, following, lasting
+from snakegen.simulation.drive.plan import (
+    DriveOptions,
+    DrivePlan,
+    at_most,
+    can_drive,
+    following,
+    lasting,
+)
 from snakegen.simulation.drive.record import drive
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.run_settings import RunSettings
@@ -34,6 +41,9 @@ class Options(DriveOptions):
 _STARTS = {"fig9": (0.1, 0.1, -1.1 * math.pi, 10), "fig13": (0.1, 0.04, -3.32, 9)}
 
 
+BOUNDS = {"tilt_max_rad": 0.05, "slip_mean_m_s": 0.006}
+
+
 def applies(robot: Robot) -> bool:
     """A floating base and two or more screw drums."""
     return can_drive(robot)
@@ -54,7 +64,8 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     path = l_crank(radius=options.radius)
     reference = following(robot, path, options.speed, options.acceleration)
     start = first_state(options.start, len(yaw_joints(robot)), reference.at(0.0)[0])
-    tracking = "distance_rmse_m" if options.start == "path" else "distance_rmse_settled_m"
+    end = "" if options.start == "path" else "_settled"
+    bounds = BOUNDS | {f"distance_rmse{end}_m": 0.0125, f"shape_rmse{end}_rad": 0.0085}
     plan = DrivePlan(
         reference,
         start,
@@ -62,6 +73,6 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
         options.gain,
         options.feedback,
         events=((0.0, f"start {options.start}"), (reference.duration, "end of the path")),
-        thresholds={tracking: {"at_most": 0.003}},
+        thresholds=at_most(bounds, options),
     )
     return drive(robot, "lcrank", plan, plant=options.plant, settings=settings)
