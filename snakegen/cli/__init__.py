@@ -34,6 +34,7 @@ _COMMANDS = {
     "convert": ("snakegen.cli.convert", "Convert a URDF into MJCF, proven to be the same robot."),
     "compare": ("snakegen.cli.compare", "Tell whether two files describe the same robot."),
     "adopt": ("snakegen.cli.adopt", "Draft the modules file of a URDF with rotors."),
+    "design": ("snakegen.cli.design", "Search the best bodies for a task, and prove how good."),
     "inspect": ("snakegen.cli.inspect", "Read metrics and verdict back from a log."),
     "doctor": ("snakegen.cli.doctor", "Check packages, rendering, viewer, cache and extras."),
     "completion": ("snakegen.cli.completion", "Print the completion script of a shell."),

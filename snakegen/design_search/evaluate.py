@@ -1,0 +1,145 @@
+"""What a design is worth: its figures, margins over posture sets, and what it violates."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from snakegen.base.geometry import Floats
+from snakegen.design_search.body_arrays import BodyArrays
+from snakegen.design_search.posture_margins import PlacedDesign, certify, place_design
+from snakegen.design_search.problem import Problem
+from snakegen.design_search.study import FIGURES, MARGINS, Objective
+from snakegen.robot.robot import GRAVITY
+
+SEARCHED, SHOWN = 1e-2, 1e-4  # tolerance of the certified bounds
+LOW_IS_GOOD = ("mass_kg", "length_m", "thrust_to_weight", "price", "joint_effort_Nm")
+
+
+@dataclass(frozen=True)
+class Score:
+    """A design's values.
+
+    Attributes:
+        values: by name of objective or constraint; margins -inf where hover is out of reach, and
+            absent where a cheaper constraint is violated already.
+        violated: by name of constraint, by how much, relative.
+    """
+
+    values: dict[str, float]
+    violated: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether all constraints hold and all margins exist."""
+        return not self.violated and all(np.isfinite(v) for v in self.values.values())
+
+
+def sign(name: str) -> float:
+    """Returns +1 for an objective to be made large, -1 for one to be made small."""
+    return -1.0 if name in LOW_IS_GOOD else 1.0
+
+
+def option(problem: Problem, name: str) -> Objective:
+    """Returns how a margin is taken."""
+    return problem.study.objectives.get(name) or Objective()
+
+
+def figures(arrays: BodyArrays, resolved: dict[str, Any], price: float) -> dict[str, float]:
+    """Returns the cheap figures of a design, by the names of `FIGURES`."""
+    chain, joint, unit = resolved["chain"], resolved["joint"], resolved["vectoring_apparatus"]
+    starts = np.concatenate([[0.0], np.cumsum(np.add(chain["length"][:-1], joint["gap"]))])
+    places = np.sort(
+        [starts[p["link"] - 1] + p["position"] * chain["length"][p["link"] - 1] for p in unit["at"]]
+    )
+    return {
+        "mass_kg": arrays.mass,
+        "length_m": float(sum(chain["length"]) + sum(joint["gap"])),
+        "thrust_to_weight": float(arrays.shapes.high.sum() / (arrays.mass * GRAVITY)),
+        "price": price,
+        "apparatus_gap_m": float(np.diff(places).min()) if len(places) > 1 else np.inf,
+        "joint_effort_Nm": float(max(joint["effort"], default=0.0)),
+    }
+
+
+def evaluate(problem: Problem, x: Floats, *, final: bool = False) -> Score:
+    """Returns the score of a design vector.
+
+    Args:
+        problem: the study.
+        x: (d,).
+        final: over the postures and at the tolerance of what is shown.
+    """
+    resolved, price = problem.resolved(x)
+    topology = problem.topology(x)
+    arrays = topology.skeleton.fill(resolved)
+    return score(problem, arrays, topology.indices, topology.sets, resolved, price, final=final)
+
+
+def score(
+    problem: Problem,
+    arrays: BodyArrays,
+    indices: Any,
+    sets: dict[str, Floats],
+    resolved: dict[str, Any],
+    price: float,
+    *,
+    final: bool,
+) -> Score:
+    """Returns the score of a design's arrays, wherever they come from."""
+    study = problem.study
+    asked = [*study.objectives, *(n for n in study.constraints if n not in study.objectives)]
+    cheap = figures(arrays, resolved, price)
+    values = {n: cheap[n] for n in asked if n in FIGURES}
+    violated = _violations(problem, values)
+    if violated and not final:
+        return Score(values, violated)
+    placed: dict[str, PlacedDesign] = {}
+    found: dict[tuple[str, str, bool], Floats] = {}
+    for name in asked:
+        if name not in MARGINS:
+            continue
+        kind, failed, how = MARGINS[name]
+        ask = option(problem, name)
+        over: str = "certify" if final and ask.over == "range" else ask.over
+        if over not in placed:
+            placed[over] = place_design(arrays, sets[over], indices)
+        key = (over, kind, failed)
+        if key not in found:
+            found[key] = _margin(placed[over], kind, failed, SHOWN if final else SEARCHED)
+        margin = found[key]
+        values[name] = float(
+            margin.min()
+            if how == "worst"
+            else np.quantile(margin, ask.quantile, method="inverted_cdf")
+        )
+    violated = _violations(problem, values)
+    for (over, kind, failed), margin in found.items():
+        if over != "motion" and not np.isfinite(margin).all():
+            name = f"hover out of reach ({kind}{', after a loss' if failed else ''})"
+            lost = [v for n, v in values.items() if MARGINS.get(n, ())[:2] == (kind, failed)]
+            if not np.isfinite(lost).all():  # a slope towards what hovers
+                violated[name] = 10.0 + float(np.mean(~np.isfinite(margin)))
+    return Score(values, violated)
+
+
+def _margin(placed: PlacedDesign, kind: str, failed: bool, tolerance: float) -> Floats:
+    """Returns a margin by posture; with `failed` the least after the loss of any one apparatus."""
+    if not failed:
+        return certify(placed, (kind,), tolerance)[kind].values
+    n = placed.points.shape[1]
+    each = [certify(placed, (kind,), tolerance, lost)[kind].values for lost in range(n)]
+    return np.asarray(np.min(each, axis=0))
+
+
+def _violations(problem: Problem, values: dict[str, float]) -> dict[str, float]:
+    out = {}
+    for name, bound in problem.study.constraints.items():
+        if name not in values or values[name] == -np.inf:
+            continue
+        value, low, high = values[name], bound.min, bound.max
+        if low is not None and value < low:
+            out[name] = min((low - value) / max(abs(low), 1e-3), 1e6)
+        if high is not None and value > high:
+            out[name] = min((value - high) / max(abs(high), 1e-3), 1e6)
+    return out

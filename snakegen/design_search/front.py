@@ -1,0 +1,138 @@
+"""The designs that are shown: certified over other postures, rebuilt through the templates."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import binom
+
+from snakegen.base.geometry import Floats
+from snakegen.design_search.body_arrays import BodyArrays
+from snakegen.design_search.evaluate import Score, evaluate, option, score, sign
+from snakegen.design_search.posture_margins import certify, place_design
+from snakegen.design_search.problem import Problem, Topology, read_topology, robot_source
+from snakegen.design_search.search import Found
+from snakegen.design_search.study import MARGINS, StudyError
+from snakegen.robot.robot import load
+from snakegen.spec.loading import load_spec
+
+SHOWN = 12  # designs of a front at most
+AGREED = 1e-9  # between closed form and templates, relative
+FRESH = 1000  # postures that try a claim
+DOUBT = 1e-3  # chance that a true claim is called false
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A design that is shown.
+
+    Attributes:
+        label: "A", "B" … along the front; the study's robot is "given".
+        x: its design vector; empty for the robot as given.
+        chosen: values of the variables.
+        spec: its spec as plain data, which builds.
+        values: objectives and constraints, over the certifying postures.
+        rebuilt: largest relative difference to the same figures of the URDF's arrays.
+        tries: by objective over the range, how many of `FRESH` random postures are worse than the
+            claim, and whether the claim stands.
+    """
+
+    label: str
+    x: tuple[float, ...]
+    chosen: dict[str, Any]
+    spec: dict[str, Any]
+    values: dict[str, float]
+    rebuilt: float
+    tries: dict[str, tuple[int, bool]]
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data: objectives by name beside the spec."""
+        return self.values | {
+            "label": self.label,
+            "spec": self.spec,
+            "variables": self.chosen,
+            "rebuilt_relative_error": self.rebuilt,
+            "fresh_postures": {
+                name: {"worse": worse, "of": FRESH, "claim_stands": fine}
+                for name, (worse, fine) in self.tries.items()
+            },
+        }
+
+
+def shown_designs(problem: Problem, found: Found) -> list[Design]:
+    """Returns the designs of a front, certified and rebuilt, by the first objective, best first.
+
+    Raises:
+        StudyError: a rebuilt design differs from its closed form by more than 1e-9.
+    """
+    names = list(problem.study.objectives)
+    pick = np.unique(np.linspace(0, len(found.front) - 1, SHOWN).round().astype(int))
+    rows = [(found.front[i], evaluate(problem, np.array(found.front[i]), final=True)) for i in pick]
+    fit = [(x, s) for x, s in rows if s.feasible] or rows
+    best = [row for row in fit if not any(_dominates(other, row[1], names) for _, other in fit)]
+    best.sort(key=lambda row: tuple(-sign(n) * row[1].values[n] for n in names))
+    return [_design(problem, x, s, chr(ord("A") + k)) for k, (x, s) in enumerate(best)]
+
+
+def _dominates(a: Score, b: Score, names: list[str]) -> bool:
+    gain = [sign(n) * (a.values[n] - b.values[n]) for n in names]
+    return min(gain) >= 0.0 and max(gain) > 0.0
+
+
+def _design(problem: Problem, x: tuple[float, ...], s: Score, label: str) -> Design:
+    at = np.array(x)
+    data, topology = problem.spec_data(at), problem.topology(at)
+    robot = load(load_spec(data))
+    resolved, price = problem.resolved(at)
+    arrays = BodyArrays.of(robot)
+    again = score(problem, arrays, topology.indices, topology.sets, resolved, price, final=True)
+    error = max(
+        abs(again.values[n] - v) / max(abs(v), 1e-9) for n, v in s.values.items() if np.isfinite(v)
+    )
+    if error > AGREED:
+        raise StudyError(
+            f"{problem.study.name}: design {label} rebuilt through the templates differs by "
+            f"{error:.1e} from its closed form; {AGREED:g} is allowed."
+        )
+    tries = _tries(problem, arrays, topology, s.values)
+    return Design(label, x, problem.chosen(at), data, s.values, error, tries)
+
+
+def given_design(problem: Problem, folder: Path, seed: int) -> Design | None:
+    """Returns the study's robot as it is given; None where it violates a constraint."""
+    study = problem.study
+    topology = read_topology(study, robot_source(study, folder), study.fixed, seed)
+    arrays = topology.skeleton.arrays
+    s = score(problem, arrays, topology.indices, topology.sets, topology.resolved, 0.0, final=True)
+    if not s.feasible or "price" in s.values:
+        return None
+    tries = _tries(problem, arrays, topology, s.values)
+    return Design("given", (), {}, topology.data, s.values, 0.0, tries)
+
+
+def _tries(
+    problem: Problem, arrays: BodyArrays, topology: Topology, values: dict[str, float]
+) -> dict[str, tuple[int, bool]]:
+    """Tries each margin over the range on random postures that no figure was taken of."""
+    out = {}
+    fresh = _fresh(topology.sets["certify"], problem)
+    placed = place_design(arrays, fresh, topology.indices)
+    for name in problem.study.objectives:
+        if name not in MARGINS or option(problem, name).over != "range":
+            continue
+        kind, failed, how = MARGINS[name]
+        lost = range(placed.points.shape[1]) if failed else [-1]
+        margin = np.min([certify(placed, (kind,), 1e-3, j)[kind].values for j in lost], axis=0)
+        worse = int((margin < values[name]).sum())
+        share = option(problem, name).quantile if how == "quantile" else 1.0 / len(fresh)
+        out[name] = worse, worse <= int(binom.ppf(1.0 - DOUBT, FRESH, share))
+    return out
+
+
+def _fresh(known: Floats, problem: Problem) -> Floats:
+    """Returns random postures (FRESH, k) in the box of the known ones, as far from straight."""
+    rng = np.random.default_rng(987_654_321)
+    low, high = known.min(axis=0), known.max(axis=0)
+    rows = rng.uniform(low, high, (20 * FRESH, len(low)))
+    return rows[np.linalg.norm(rows, axis=1) >= problem.study.postures.away][:FRESH]
