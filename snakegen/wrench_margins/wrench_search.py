@@ -7,9 +7,11 @@ bound, the best of them is the margin named; the slices bound it from below (THE
 import numpy as np
 from numpy.typing import NDArray
 
-from snakegen.kernels.margins import ray_casting
+from snakegen.wrench_margins.ball_support import distance, shoot, slack
 
 Floats = NDArray[np.float64]
+TURNS = 50  # of a ray to the normal that was hit
+ROUNDS = 20_000  # of the descent to a hover out of reach
 
 
 def start_directions(count: int, twists: Floats) -> Floats:
@@ -22,26 +24,32 @@ def start_directions(count: int, twists: Floats) -> Floats:
 def fall(
     u: Floats, p: Floats, limit: Floats, hover: Floats, bounds: Floats, twists: Floats
 ) -> None:
-    """Lowers the wrench bound from direction u: shoot, turn to the normal that was hit, repeat."""
-    normal, before = np.empty(6), np.inf
-    for _ in range(50):
-        above = ray_casting.shoot(u, p, limit, hover, normal)[1]
-        size = np.linalg.norm(normal)
-        radius, u = above / size, normal / size
-        if radius < bounds[0, 1]:
-            bounds[0, 1], twists[0] = radius, u
-        if radius >= before * (1.0 - 1e-10):
+    """Lowers the wrench bound from directions u (6,) or (m, 6).
+
+    Shoot, turn to the normal that was hit, repeat while the radius falls.
+    """
+    u, before = np.atleast_2d(u), np.full(np.atleast_2d(u).shape[0], np.inf)
+    for _ in range(TURNS):
+        _, above, normals = shoot(u, p, limit, hover)
+        size = np.linalg.norm(normals, axis=1)
+        radius, u = above / size, normals / size[:, None]
+        best = int(np.argmin(radius))
+        if radius[best] < bounds[0, 1]:
+            bounds[0, 1], twists[0] = radius[best], u[best]
+        falling = radius < before * (1.0 - 1e-10)
+        if not falling.any():
             return
-        before = radius
+        u, before = u[falling], radius[falling]
 
 
 def _separating(p: Floats, limit: Floats, hover: Floats, twists: Floats) -> tuple[float, Floats]:
     """Returns the distance that the known twists prove at least, and the unit twist that does."""
     units = twists[np.isfinite(twists).all(axis=1)]
+    if not len(units):
+        return 0.0, np.zeros(6)
     units = units / np.linalg.norm(units, axis=1, keepdims=True)
-    work = np.empty((len(limit), 3))
-    proofs = [(-ray_casting.slack(u, p, limit, hover, 0.0, work), u) for u in units]
-    return max(proofs, key=lambda proof: proof[0], default=(0.0, np.zeros(6)))
+    proofs = -slack(units, p, limit, hover)
+    return float(proofs.max()), units[int(np.argmax(proofs))]
 
 
 def refine(
@@ -50,11 +58,10 @@ def refine(
     """Searches the wrench margin from many starts, or measures the distance where infeasible."""
     if bounds[0, 1] < 0.0:
         known = _separating(p, limit, hover, twists)
-        low, high = ray_casting.distance(p, limit, hover, 20000, twists[0])
+        low, high, twists[0] = distance(p, limit, hover, ROUNDS)
         if known[0] > low:  # a thin set, which the descent is slow to leave behind
             low, twists[0] = known
         bounds[0] = -high, -low
     elif rank == 6 and starts:
-        for start in start_directions(starts, twists):
-            fall(start, p, limit, hover, bounds, twists)
+        fall(start_directions(starts, twists), p, limit, hover, bounds, twists)
         bounds[0, 0] = min(bounds[0, 0], bounds[0, 1])

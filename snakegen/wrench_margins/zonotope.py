@@ -1,0 +1,113 @@
+"""Exact margins of a thrust set {Q λ, λ_min ≤ λ ≤ λ_max} in NumPy, one posture (THEORY A4).
+
+In scaled coordinates the set is ``{A x, |x_j| ≤ ½}`` about its centre and hover lies at y. A facet's
+normal d is perpendicular to r - 1 independent columns of A (r the rank), so all subsets of r - 1
+columns give all facets; ``slack(d) = ½ Σ |d·a_j| - |d·y|``, and the margins are the least
+slack/‖d‖, slack/‖d_f‖ and slack/‖d_τ‖. Other normals, as of dependent columns, only give more.
+The readable twin of `kernels/margins/zonotope.py`, which serves batches.
+"""
+
+from itertools import combinations
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from snakegen.base.rounding import least
+
+Floats = NDArray[np.float64]
+RANK_TOLERANCE = 1e-6  # of σ_1, THEORY A3
+OFF = 1e-9  # how far from its own subspace rounding can put a point of it, scaled
+OUTSIDE = 1e-12  # of the support: a slack below minus this share proves hover out of reach
+SUBSETS = 20_000  # of columns, a tenth of a second; the kernel's tree looks at fewer
+
+
+def small(n: int) -> bool:
+    """Tells whether sets of n columns have few enough subsets for `margins`."""
+    return comb(n, 5) <= SUBSETS
+
+
+def margins(a: Floats, y: Floats) -> tuple[Floats, Floats, int]:
+    """Returns wrench, force, torque and attitude_altitude margins (4,), their normals, the rank.
+
+    Args:
+        a: (6, n) scaled columns ``S q_j (λ_max - λ_min)_j``.
+        y: (6,) hover from the set's centre, scaled.
+
+    Returns:
+        margins (4,), scaled: wrench is minus the distance, force and torque nan, where hover lies
+        outside; normals (4, 6), at which each margin is reached; rank of `a`.
+    """
+    out, normals = np.full(4, np.nan), np.zeros((4, 6))
+    out[:3], normals[:3], rank = _margins(a, y)
+    four, normal, _ = _margins(a[2:], y[2:])
+    out[3], normals[3, 2:] = four[0], normal[0]
+    return out, normals, rank
+
+
+def _margins(a: Floats, y: Floats) -> tuple[Floats, Floats, int]:
+    """Returns margins (3,), normals (3, d) and the rank of `a` (d, n), d = 6, or 4 for the first."""
+    d = len(a)
+    basis, lost = subspace(a)
+    r = basis.shape[1]
+    thickness = 0.5 * np.abs(lost.T @ a).sum(axis=1)  # thin, not flat, below the rank tolerance
+    if (np.abs(lost.T @ y) > thickness + OFF).any():
+        return *_outside(a, y), r
+    normal = facet_normals(basis.T @ a) @ basis.T
+    support = 0.5 * np.abs(normal @ a).sum(axis=1)
+    along = normal @ y
+    slack = support - np.abs(along)
+    if (slack < -OUTSIDE * support).any():
+        return *_outside(a, y), r
+    normal, slack = np.where(along < 0.0, -1.0, 1.0)[:, None] * normal, np.maximum(slack, 0.0)
+    out, found = np.full(3, np.inf), np.zeros((3, d))
+    for k, part in enumerate((slice(0, d), slice(0, 3), slice(3, 6))[: 3 if d == 6 else 1]):
+        size = np.linalg.norm(normal[:, part], axis=1)
+        with np.errstate(divide="ignore"):
+            reach = np.where(size > OFF, slack / np.maximum(size, OFF), np.inf)
+        if reach.size and np.isfinite(reach).any():
+            at = int(np.argmax(reach <= reach.min() * (1.0 + OFF)))  # of ties the first
+            out[k], found[k] = reach[at], normal[at]
+        direction = lost_direction(lost, part) if r < d else None
+        if direction is not None:
+            out[k], found[k] = 0.0, direction
+    return out, found, r
+
+
+def subspace(a: Floats) -> tuple[Floats, Floats]:
+    """Returns orthonormal columns that span `a` (d, n), rank by `RANK_TOLERANCE`, and the rest."""
+    u, s, _ = np.linalg.svd(a)
+    r = int(np.sum((s > RANK_TOLERANCE * s.max(initial=0.0)) & (s > 0.0)))
+    return u[:, :r], u[:, r:]
+
+
+def facet_normals(a: Floats) -> Floats:
+    """Returns unit vectors (m, r) with a facet's normal for every facet of the set of `a` (r, n)."""
+    r, n = a.shape
+    if r < 2:
+        return np.ones((1, r))
+    subsets = np.array(list(combinations(range(n), r - 1)))
+    return np.linalg.svd(a.T[subsets])[2][:, -1]
+
+
+def lost_direction(lost: Floats, part: slice) -> Floats | None:
+    """Returns the lost direction nearest to one of the axes `part`; None if none is lost there.
+
+    An axis' projection on the span of the columns of `lost` depends on no choice of basis.
+    """
+    tilt = np.linalg.norm(lost[part], axis=1)
+    if tilt.max(initial=0.0) <= OFF:
+        return None
+    axis = part.start + least(-tilt)
+    return lost @ lost[axis] / np.linalg.norm(lost[axis])
+
+
+def _outside(a: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Returns minus the distance from the set to y, and the unit direction from one to the other."""
+    x = lsq_linear(a, y, (-0.5, 0.5), method="bvls", tol=1e-14).x
+    gap = y - a @ x
+    distance = float(np.linalg.norm(gap))
+    normals = np.zeros((3, len(a)))
+    normals[0] = gap / distance if distance > 0.0 else 0.0
+    return np.array([-distance, np.nan, np.nan]), normals
