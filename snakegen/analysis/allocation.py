@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.kernels.allocation.wrench_map import link_axes, mean_drag, thrust_points, wrench_maps
-from snakegen.kernels.kinematics.chain import forward, mass_properties
+from snakegen.robot.allocation_maps import link_axes, mean_drag, thrust_points, wrench_maps
+from snakegen.robot.kinematics import forward, mass_properties
 from snakegen.robot.robot import GRAVITY, Robot
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from snakegen.analysis.allocation import Allocation, allocation
 from snakegen.base.geometry import Floats
 from snakegen.control.power import JOULES, battery_joules, power_factors
-from snakegen.kernels.allocation.box_allocation import box_allocation
+from snakegen.robot.box_allocation import box_allocation
 from snakegen.robot.posture import aim_gimbals
 from snakegen.robot.robot import Robot
 from snakegen.wrench_margins.vectored import set_margins

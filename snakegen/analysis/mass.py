@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.base.geometry import Floats
-from snakegen.kernels.kinematics.chain import forward, mass_properties
+from snakegen.robot.kinematics import forward, mass_properties
 from snakegen.robot.robot import Robot
 
 COMMAND = "mass"

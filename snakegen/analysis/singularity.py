@@ -113,7 +113,7 @@ def analyze(robot: Robot, q: Floats, threshold: float = 0.02) -> Singularity:
 
 def _gimbal_distances(robot: Robot, q: Floats) -> tuple[GimbalDistance, ...]:
     """Returns, for each apparatus with a roll joint, the angle from thrust to its roll axis."""
-    from snakegen.kernels.kinematics.chain import forward
+    from snakegen.robot.kinematics import forward
 
     base, origin = robot.base_pose(q)
     rotation, _ = forward(robot.tree, base, origin, robot.angles(q))

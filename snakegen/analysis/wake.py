@@ -13,7 +13,7 @@ from snakegen.analysis.allocation import Allocation, allocation
 from snakegen.base.geometry import Floats
 from snakegen.description.meshes.solids_of import rod_radii
 from snakegen.errors import AnalysisError
-from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
+from snakegen.robot.kinematics import centre_of_gravity, forward
 from snakegen.robot.modules import Rotor
 from snakegen.robot.robot import Robot
 from snakegen.robot.rotor_streams import mean_inflow, thrust_kept

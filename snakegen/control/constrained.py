@@ -13,8 +13,8 @@ import numpy as np
 from snakegen.control.gains import Floats
 from snakegen.errors import AnalysisError
 from snakegen.kernels.allocation.ball_allocation import ball_allocation
-from snakegen.kernels.allocation.box_allocation import box_allocation
 from snakegen.kernels.dynamics.joint_loads import no_loads
+from snakegen.robot.box_allocation import box_allocation
 
 
 @dataclass(frozen=True, eq=False)

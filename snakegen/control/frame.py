@@ -7,9 +7,8 @@ import numpy as np
 
 from snakegen.control.controller import Controller
 from snakegen.control.gains import Floats
-from snakegen.kernels.allocation.gimbals import mounts
-from snakegen.kernels.allocation.mode_blending import wrench_scale
-from snakegen.kernels.kinematics.chain import forward, mass_properties
+from snakegen.robot.gimbal_geometry import mounts
+from snakegen.robot.kinematics import forward, mass_properties
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,5 +48,5 @@ def cog_frame(
     axes = bodies[law.axes_body] @ law.axes_rotation
     geometry, rows = mounts(c.tree, c.rotors, c.gimbals, bodies, places, cog, axes)
     weight = np.concatenate([mass * law.gravity * axes[2], np.zeros(3)])
-    scale = wrench_scale(mass, law.gravity, c.length)
+    scale = np.repeat([1.0, 1.0 / c.length], 3) / (mass * law.gravity)  # S: THEORY A3
     return CogFrame(mass, cog, axes, axes.T @ inertia @ axes, geometry, rows, scale, weight)

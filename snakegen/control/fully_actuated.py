@@ -8,10 +8,10 @@ import numpy as np
 from snakegen.control.controller import Controller, ControlRefused
 from snakegen.control.frame import CogFrame
 from snakegen.control.gains import Floats
-from snakegen.kernels.allocation.fully_actuated import wrench_of
-from snakegen.kernels.allocation.gimbals import joint_order
+from snakegen.control.vectored_allocation import least_answer, wrench_of
 from snakegen.kernels.allocation.mode_blending import allocate_virtual
 from snakegen.kernels.dynamics.joint_loads import no_loads
+from snakegen.robot.gimbal_geometry import joint_order
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,22 +53,18 @@ def allocate(
     law, n = controller.law, controller.apparatuses
     m = frame.mounts
     turns = np.zeros((n, 2)) if last is None else np.array(last, float)
-    thrust, angles, sigma, steps, size, _, _ = allocate_virtual(
-        m,
-        controller.gimbals.limit,
-        np.array(wrench, float),
-        frame.scale,
-        joint_order(m, turns),
-        joint_order(m, law.gimbal_lower),
-        joint_order(m, law.gimbal_upper),
-        law.sweeps,
-        law.newton,
-        law.residual,
-        law.constrained,
-        no_loads(3 * n),
-        np.zeros((2, n, 3)),
-        np.ones(2),
+    low, high = joint_order(m, law.gimbal_lower), joint_order(m, law.gimbal_upper)
+    limit, wanted, start = controller.gimbals.limit, np.array(wrench, float), joint_order(m, turns)
+    steps_of = (law.sweeps, law.newton, law.residual)
+    thrust, angles, sigma, steps, size = least_answer(
+        m, limit, wanted, frame.scale, start, (low, high), *steps_of
     )
+    past = np.any(thrust > limit) or np.any(angles < low) or np.any(angles > high)
+    if law.constrained and (past or size > law.residual):
+        rest = (no_loads(3 * n), np.zeros((2, n, 3)), np.ones(2))
+        thrust, angles, sigma, steps, size, _, _ = allocate_virtual(
+            m, limit, wanted, frame.scale, start, low, high, *steps_of, law.constrained, *rest
+        )
     if sigma < law.sigma_min and not force:
         raise ControlRefused(
             f"this posture is too close to singular: scaled σ_min(J_w) = {sigma:.2g} is below "

@@ -6,7 +6,7 @@ import numpy as np
 
 from snakegen.control.gains import Floats, Gains, gains_from
 from snakegen.errors import SpecError, near
-from snakegen.kernels.kinematics.chain import forward
+from snakegen.robot.kinematics import forward
 from snakegen.robot.robot import Robot
 
 ROOT_AXES_UP_TO = 8  # links; longer bodies fly by the middle link's axes (THEORY A6)

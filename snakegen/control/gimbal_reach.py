@@ -8,7 +8,7 @@ from snakegen.control.controller import Controller
 from snakegen.control.frame import cog_frame
 from snakegen.control.gains import Floats
 from snakegen.control.underactuated import gimbals_for
-from snakegen.kernels.allocation.gimbals import joint_order, thrust_line
+from snakegen.robot.gimbal_geometry import joint_order, thrust_line
 
 _STEP = 1e-4  # of the weight: a sideways force that gimbals are asked for
 

@@ -17,14 +17,14 @@ import numpy as np
 from snakegen.base.describe_motion import body_axis, motions
 from snakegen.control import fully_actuated, underactuated
 from snakegen.control.controller import Controller, ControlRefused
+from snakegen.control.dual_allocation import level_axes, rotor_map
 from snakegen.control.frame import CogFrame, cog_frame
 from snakegen.control.gains import Floats
 from snakegen.control.lost_motion import frame_loss
-from snakegen.kernels.allocation.fully_actuated import confinement, point_map
-from snakegen.kernels.allocation.gimbals import joint_order, thrust_line
+from snakegen.control.vectored_allocation import confinement, point_map
 from snakegen.kernels.allocation.mode_blending import DUAL_SIGMA_MIN
-from snakegen.kernels.allocation.underactuated import level_axes, rotor_map
 from snakegen.kernels.control.types import DUAL, VIRTUAL
+from snakegen.robot.gimbal_geometry import joint_order, thrust_line
 
 UNMET = 1e-3  # of the weight, and of it times a link's length: a hover's residual
 

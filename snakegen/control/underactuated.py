@@ -5,15 +5,8 @@ from typing import Any
 import numpy as np
 
 from snakegen.control.controller import Controller, ControlRefused
-from snakegen.control.frame import CogFrame
-from snakegen.control.fully_actuated import Allocation
-from snakegen.control.gains import Floats
-from snakegen.control.lost_motion import frame_loss
-from snakegen.kernels.allocation.compliance import yielding_thrusts
-from snakegen.kernels.allocation.dual_rotor import allocate_dual
-from snakegen.kernels.allocation.gimbals import joint_order
-from snakegen.kernels.allocation.mode_blending import DUAL_SIGMA_MIN
-from snakegen.kernels.allocation.underactuated import (
+from snakegen.control.dual_allocation import (
+    allocate_dual,
     horizontal,
     level_axes,
     rotor_map,
@@ -22,7 +15,14 @@ from snakegen.kernels.allocation.underactuated import (
     truncated_wrench,
     vectored_gimbals,
 )
+from snakegen.control.frame import CogFrame
+from snakegen.control.fully_actuated import Allocation
+from snakegen.control.gains import Floats
+from snakegen.control.lost_motion import frame_loss
+from snakegen.kernels.allocation.compliance import yielding_thrusts
+from snakegen.kernels.allocation.mode_blending import DUAL_SIGMA_MIN
 from snakegen.kernels.dynamics.joint_loads import no_loads
+from snakegen.robot.gimbal_geometry import joint_order
 
 
 def attitude_for(controller: Controller, frame: CogFrame, force: Any, target: Any) -> Floats:
@@ -97,7 +97,7 @@ def allocate(
     turns = np.array(gimbals, float)
     full = rotor_map(m, frame.rotors, joint_order(m, turns))
     q, wanted = truncated(full, tilt), truncated_wrench(np.array(wrench, float), tilt)
-    least, most, free = rotors.thrust_min, rotors.thrust_max, no_loads(q.shape[1])
+    least, most = rotors.thrust_min, rotors.thrust_max
     if law.constrained:
         angles, give = joint_order(m, turns), joint_order(m, law.gimbal_give)
         thrust, stands, sigma = yielding_thrusts(
@@ -111,12 +111,12 @@ def allocate(
             least,
             most,
             law.constrained,
-            free,
+            no_loads(q.shape[1]),
         )
         full = rotor_map(m, frame.rotors, stands)
         q = truncated(full, tilt)
     else:
-        thrust, sigma = allocate_dual(q, wanted, frame.scale[2:], least, most, 0, free)
+        thrust, sigma = allocate_dual(q, wanted, frame.scale[2:], most)
     if sigma < DUAL_SIGMA_MIN and not force:
         why = frame_loss(full, rotors, frame.scale, tilt)
         raise ControlRefused(

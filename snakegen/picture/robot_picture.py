@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.base.geometry import Floats, wxyz_from_xyzw
-from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
+from snakegen.robot.kinematics import centre_of_gravity, forward
 from snakegen.robot.robot import Robot
 
 LONG = 12  # links; longer chains are drawn coiled

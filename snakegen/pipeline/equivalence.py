@@ -254,7 +254,7 @@ class _Own:
         self.places = [robot.body_of_link(n) for n in _link_names(robot)]
 
     def evaluate(self, q: Floats, v: Floats) -> Quantities:
-        from snakegen.kernels.kinematics.chain import forward, mass_properties
+        from snakegen.robot.kinematics import forward, mass_properties
 
         robot, tree = self.robot, self.robot.tree
         base, origin = robot.base_pose(q)

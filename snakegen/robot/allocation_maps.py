@@ -8,8 +8,6 @@ twin of a kernel in `kernels/allocation/wrench_map.py` and agrees with it to rou
 import numpy as np
 
 from snakegen.base.geometry import Floats
-from snakegen.base.plain_first import plain_first
-from snakegen.kernels.allocation import wrench_map as kernel
 from snakegen.kernels.core.types import Gimbals, Rotors, Tree
 from snakegen.robot.kinematics import centre_of_gravity
 
@@ -27,7 +25,7 @@ def rotor_frames(
 
 
 def dual_map(rotors: Rotors, points: Floats, directions: Floats) -> Floats:
-    """Returns the map (6, n) from rotor thrusts [N] to the wrench, ``[u; p × u + c u]``: eqs 7-10."""
+    """Returns the map (6, n) from rotor thrusts [N] to the wrench: eqs 7-10."""
     drag = rotors.torque_ratio[:, None] * directions
     return np.hstack([directions, np.cross(points, directions) + drag]).T.copy()
 
@@ -43,7 +41,6 @@ def virtual_map(rotors: Rotors, dual: Floats, apparatuses: int) -> Floats:
     return dual @ sharing(rotors, apparatuses)
 
 
-@plain_first(kernel.thrust_points)
 def thrust_points(
     gimbals: Gimbals, rotation: Floats, position: Floats, cog: Floats, axes: Floats
 ) -> Floats:
@@ -53,19 +50,16 @@ def thrust_points(
     return np.ascontiguousarray((position[body] + arm - cog) @ axes)
 
 
-@plain_first(kernel.link_axes)
 def link_axes(gimbals: Gimbals, rotation: Floats, axes: Floats) -> Floats:
     """Returns the attitude (Ñ, 3, 3) of each apparatus' link axes L in `axes`."""
     return np.asarray(axes.T @ rotation[gimbals.link_body] @ gimbals.link_rotation)
 
 
-@plain_first(kernel.mean_drag)
 def mean_drag(rotors: Rotors, apparatuses: int) -> Floats:
     """Returns the mean torque ratio (Ñ,) [m] of each apparatus' rotors."""
     return np.asarray(rotors.torque_ratio @ sharing(rotors, apparatuses))
 
 
-@plain_first(kernel.force_map)
 def force_map(points: Floats, frames: Floats, drag: Floats) -> Floats:
     """Returns the map (6, 3Ñ) from forces in link axes to the wrench: ``[E; p× + c E] R_L``.
 
@@ -111,7 +105,6 @@ def jacobian_map(
     return np.hstack(columns)
 
 
-@plain_first(kernel.wrench_maps)
 def wrench_maps(
     tree: Tree,
     rotors: Rotors,

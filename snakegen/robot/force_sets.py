@@ -7,10 +7,10 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.errors import DescriptionError
-from snakegen.kernels.allocation.gimbals import mounts
-from snakegen.kernels.allocation.wrench_map import mean_drag, thrust_points
-from snakegen.kernels.kinematics.chain import forward, mass_properties
+from snakegen.robot.allocation_maps import mean_drag, thrust_points
 from snakegen.robot.bodies import RobotBodies
+from snakegen.robot.gimbal_geometry import mounts
+from snakegen.robot.kinematics import forward, mass_properties
 from snakegen.wrench_margins.force_sets import ForceSets
 
 SQUARE = 1e-6  # of a dot product of unit vectors: right angles

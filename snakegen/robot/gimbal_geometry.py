@@ -8,8 +8,6 @@ geometry. Thrust direction and point of an apparatus are ``A exp(w1 x1) exp(w2 x
 import numpy as np
 
 from snakegen.base.geometry import Floats, rotation_about
-from snakegen.base.plain_first import plain_first
-from snakegen.kernels.allocation import gimbals as kernel
 from snakegen.kernels.allocation.gimbals import AXIS, EXTRA, FIRST, LEVER, ORIGIN, POINT, SECOND
 from snakegen.kernels.core.types import Gimbals, Rotors, Tree
 
@@ -17,7 +15,6 @@ LOST = 1e-12  # of 1 - cos²: a thrust this near to joint 1's axis does not turn
 OFF = 1e4  # weight of a direction missed against angles travelled, rad²
 
 
-@plain_first(kernel.mounts)
 def mounts(
     tree: Tree,
     rotors: Rotors,
@@ -57,27 +54,28 @@ def mounts(
         m[j, POINT] = turned[j] @ gimbals.thrust_point[j]
         m[j, AXIS] = turned[j] @ gimbals.thrust_axis[j]
         drag = rotors.torque_ratio[rotors.apparatus == j]
-        m[j, EXTRA, :2] = drag.sum() / max(drag.size, 1), gimbals.pitch_body[j] < gimbals.roll_body[j]
+        m[j, EXTRA, :2] = (
+            drag.sum() / max(drag.size, 1),
+            gimbals.pitch_body[j] < gimbals.roll_body[j],
+        )
     own = turned[rotors.apparatus]
     extra = np.column_stack([rotors.torque_ratio, rotors.apparatus, np.zeros(len(rotors.body))])
     rows = [np.einsum("rij,rj->ri", own, x) for x in (rotors.position, rotors.axis)]
     return m, np.stack([*rows, extra], axis=1)
 
 
-@plain_first(kernel.thrust_line)
 def thrust_line(m: Floats, j: int, x: Floats, u: Floats, p: Floats) -> None:
     """Writes the thrust direction u (3,) and point p (3,) [m] of apparatus j at angles x (2,)."""
-    once, twice = _turned(m, j, x)
+    once, twice = turned(m, j, x)
     u[:], p[:] = twice @ m[j, AXIS], m[j, ORIGIN] + once @ m[j, LEVER] + twice @ m[j, POINT]
 
 
-def _turned(m: Floats, j: int, x: Floats) -> tuple[Floats, Floats]:
+def turned(m: Floats, j: int, x: Floats) -> tuple[Floats, Floats]:
     """Returns ``A exp(w1 x1)`` and ``A exp(w1 x1) exp(w2 x2)``."""
     once = m[j, :3] @ rotation_about(m[j, FIRST], x[0])
     return once, once @ rotation_about(m[j, SECOND], x[1])
 
 
-@plain_first(kernel.point_thrust)
 def point_thrust(
     m: Floats, j: int, direction: Floats, last: Floats, lower: Floats, upper: Floats, out: Floats
 ) -> None:
@@ -115,12 +113,11 @@ def point_thrust(
         x[1] = _within(_angle_about(w2, u, middle), last[1], lower[1], upper[1])
         distance = float((x - last) @ (x - last))
         if rest < 0.0 or lost or not ((lower < x) & (x < upper)).all():  # else it is met
-            distance += OFF * (1.0 - float(_turned(m, j, x)[1] @ u @ direction))
+            distance += OFF * (1.0 - float(turned(m, j, x)[1] @ u @ direction))
         if distance < best:
             best, out[:] = distance, x
 
 
-@plain_first(kernel.joint_order)
 def joint_order(m: Floats, angles: Floats) -> Floats:
     """Returns (Ñ, 2) angles reordered between [roll, pitch] and [joint 1, joint 2]."""
     pitch_first = m[:, EXTRA, 1] > 0.5

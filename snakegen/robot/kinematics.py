@@ -6,13 +6,10 @@ and agrees with it to round-off (`tests/test_plain_twins.py`). All results are i
 
 import numpy as np
 
-from snakegen.base.geometry import Floats, rotation_about
-from snakegen.base.plain_first import plain_first
+from snakegen.base.geometry import Floats, skew
 from snakegen.kernels.core.types import Tree
-from snakegen.kernels.kinematics import chain, jacobians
 
 
-@plain_first(chain.forward)
 def forward(
     tree: Tree, base_rotation: Floats, base_position: Floats, angles: Floats
 ) -> tuple[Floats, Floats]:
@@ -27,21 +24,20 @@ def forward(
     Returns:
         rotation (n, 3, 3) and position (n, 3) [m] of the body frames.
     """
-    n = len(tree.parent)
+    n, k = len(tree.parent), skew(tree.axis[1:])
+    angle = np.where(tree.prismatic[1:], 0.0, angles)[:, None, None]
+    turned = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)  # Rodrigues
+    turned = tree.rotation[1:] @ turned
+    slid = tree.rotation[1:] @ (tree.axis[1:] * (tree.prismatic[1:] * angles)[:, None])[:, :, None]
+    moved = tree.translation[1:] + slid[:, :, 0]
     rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
     rotation[0], position[0] = base_rotation, base_position
-    for i in range(1, n):
-        j, x = tree.parent[i], angles[i - 1]
-        rotation[i] = rotation[j] @ tree.rotation[i]
-        position[i] = position[j] + rotation[j] @ tree.translation[i]
-        if tree.prismatic[i]:
-            position[i] += rotation[i] @ tree.axis[i] * x
-        else:
-            rotation[i] = rotation[i] @ rotation_about(tree.axis[i], x)
+    for i, j in enumerate(tree.parent[1:], 1):
+        rotation[i] = rotation[j] @ turned[i - 1]
+        position[i] = position[j] + rotation[j] @ moved[i - 1]
     return rotation, position
 
 
-@plain_first(chain.centre_of_gravity)
 def centre_of_gravity(tree: Tree, rotation: Floats, position: Floats) -> tuple[float, Floats]:
     """Returns the mass [kg] and the CoG (3,) [m, world]: ``c = Σ m_i c_i / Σ m_i``."""
     mass = float(tree.mass.sum())
@@ -49,7 +45,6 @@ def centre_of_gravity(tree: Tree, rotation: Floats, position: Floats) -> tuple[f
         return mass, tree.mass @ _centres(tree, rotation, position) / mass
 
 
-@plain_first(chain.mass_properties)
 def mass_properties(tree: Tree, rotation: Floats, position: Floats) -> tuple[float, Floats, Floats]:
     """Returns mass, CoG and inertia about the CoG of bodies at the given poses.
 
@@ -74,7 +69,6 @@ def _centres(tree: Tree, rotation: Floats, position: Floats) -> Floats:
     return position + np.einsum("ijk,ik->ij", rotation, tree.com)
 
 
-@plain_first(jacobians.twist_columns)
 def twist_columns(tree: Tree, base_rotation: Floats, angles: Floats) -> Floats:
     """Returns the twist matrix S (6, n-1) at the base origin, world axes (ZS24 eqs 13 and 20).
 
@@ -85,7 +79,6 @@ def twist_columns(tree: Tree, base_rotation: Floats, angles: Floats) -> Floats:
     return _joint_columns(tree, rotation, position)
 
 
-@plain_first(jacobians.tip_jacobian)
 def tip_jacobian(
     tree: Tree, base_rotation: Floats, angles: Floats, body: int, point: Floats
 ) -> tuple[Floats, Floats, Floats]:

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 from snakegen.base import yaml_file
 from snakegen.base.geometry import Floats, rpy_from_rotation
 from snakegen.errors import PostureError
-from snakegen.kernels.allocation.gimbals import mounts, point_thrust, thrust_line
-from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.robot.arrays import resting
 from snakegen.robot.bodies import RobotBodies
 from snakegen.robot.configuration import Configuration
+from snakegen.robot.gimbal_geometry import mounts, point_thrust, thrust_line
+from snakegen.robot.kinematics import centre_of_gravity, forward
 
 SHOWN = 5e-4  # rad: what three digits show
 

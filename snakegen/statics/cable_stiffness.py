@@ -12,7 +12,7 @@ import numpy as np
 from snakegen.base.geometry import Floats
 from snakegen.kernels.cables.cables import Holes
 from snakegen.kernels.core.types import Ints
-from snakegen.kernels.kinematics.chain import forward
+from snakegen.robot.kinematics import forward
 from snakegen.robot.robot import Robot
 
 

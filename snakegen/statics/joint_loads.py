@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from snakegen.base.geometry import Floats, move_wrench
-from snakegen.kernels.allocation.wrench_map import mean_drag
-from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
+from snakegen.robot.allocation_maps import mean_drag
+from snakegen.robot.kinematics import centre_of_gravity, forward
 from snakegen.robot.robot import Robot
 from snakegen.statics.joint_torques import joint_torques, twist_matrix
 

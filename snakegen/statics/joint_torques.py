@@ -16,9 +16,9 @@ from snakegen.errors import AnalysisError
 from snakegen.kernels.core.types import Ints
 from snakegen.kernels.dynamics import torque_terms as dynamics
 from snakegen.kernels.dynamics.inverse_dynamics import NO_LOADS, Loads
-from snakegen.kernels.kinematics.chain import forward
-from snakegen.kernels.kinematics.jacobians import twist_columns
+from snakegen.robot.kinematics import forward, twist_columns
 from snakegen.robot.robot import GRAVITY, Robot
+from snakegen.statics import torque_terms as plain
 
 Depth = Literal["full", "quasi_static", "static"]
 Wrenches = Mapping[str, ArrayLike] | str | None
@@ -109,7 +109,7 @@ def torque_terms(
         external += rotor_wrenches(robot, q, thrust)
     if body_wrenches is not None:
         external += body_wrenches
-    rows = dynamics.torque_terms(
+    rows = plain.torque_terms(
         robot.tree,
         armature(robot),
         segments(robot),

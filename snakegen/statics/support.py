@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 
 from snakegen.base.geometry import Floats, move_wrench
 from snakegen.errors import AnalysisError
-from snakegen.kernels.allocation.box_allocation import box_allocation
-from snakegen.kernels.allocation.wrench_map import force_map, mean_drag
-from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
+from snakegen.robot.allocation_maps import force_map, mean_drag
+from snakegen.robot.box_allocation import box_allocation
+from snakegen.robot.kinematics import centre_of_gravity, forward
 from snakegen.robot.posture import aim_gimbals
 from snakegen.robot.robot import Robot
 from snakegen.statics.joint_torques import DOWN, Wrenches, finite, joint_torques, rotor_wrenches
@@ -102,7 +102,7 @@ def _vectored(robot: Robot, q: Floats, load: Floats) -> Support | None:
     drag = mean_drag(robot.rotors, count)
     world = np.tile(np.eye(3), (count, 1, 1))
     Q = scale[:, None] * force_map(np.array(places) - cog, world, drag)
-    forces: Floats = np.linalg.lstsq(Q, target, rcond=1e-9)[0]
+    forces = np.asarray(np.linalg.lstsq(Q, target, rcond=1e-9)[0], np.float64)
     if float(np.linalg.norm(Q @ forces - target)) > _tolerance(target):
         return None
     out = np.zeros((bodies, 6))

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.optimize import linprog, minimize
 
 from snakegen.base.geometry import Floats
-from snakegen.kernels.allocation.wrench_map import mean_drag
-from snakegen.kernels.kinematics.jacobians import tip_jacobian
+from snakegen.robot.allocation_maps import mean_drag
+from snakegen.robot.kinematics import tip_jacobian
 from snakegen.robot.robot import Robot
 
 _CUTS = 200

@@ -11,9 +11,9 @@ from snakegen.base.describe_motion import canonical_basis
 from snakegen.base.geometry import Floats
 from snakegen.base.rounding import in_order
 from snakegen.errors import AnalysisError
-from snakegen.kernels.kinematics.jacobians import tip_jacobian
 from snakegen.kernels.margins import tip_polytope
 from snakegen.robot.followers import coupling
+from snakegen.robot.kinematics import tip_jacobian
 from snakegen.robot.robot import GRAVITY, Robot
 from snakegen.statics.joint_torques import finite
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from snakegen.base.geometry import Floats
-from snakegen.kernels.kinematics.chain import forward
 from snakegen.kernels.margins.sublinear import grid, highest, turned_table, twisting_table
+from snakegen.robot.kinematics import forward
 from snakegen.robot.robot import Robot
 from snakegen.statics.joint_torques import DOWN, Wrenches, declared_limits, finite, link_loads
 

@@ -1,8 +1,8 @@
 """Certified margins of ball sets in NumPy, one posture (THEORY A4): the twin of a kernel.
 
-The radius of a slice is bracketed by a polytope that grows from inside: its nearest facets' distance
-from hover is a lower bound, the support along their normals an upper bound and the next points. The
-wrench margin is bounded by the slices; `wrench_search` lowers its upper bound from many starts.
+The radius of a slice is bracketed by a polytope that grows from inside: the distance from hover to
+its nearest facets is a lower bound, the support along their normals an upper bound and the next
+points. The slices bound the wrench margin; `wrench_search` lowers its upper bound.
 Everything is scaled: forces by F0, lengths by T0/F0; rows of p (n, 4) are (p_j, c_j).
 `kernels/margins/vectored.py` serves batches.
 """
@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from snakegen.wrench_margins.ball_support import balance, net_wrench, slack, twist_speeds
+from snakegen.wrench_margins.polytope import facets
 from snakegen.wrench_margins.zonotope import OFF, RANK_TOLERANCE, lost_direction, subspace
 
 Floats = NDArray[np.float64]
@@ -123,11 +123,11 @@ def slice_radius(
         points = np.vstack([points, there[good]])
         if upper < -OUT * np.abs(points).max(initial=1.0):
             return -np.inf, upper, worst, used
-        normals, offsets = _facets(points)
+        normals, offsets = facets(points)
         if not len(normals):  # flat so far: look across
-            spread = np.linalg.svd(points - points.mean(axis=0))[2][-1]
-            if used > 8:
+            if used > 8 or len(points) < 3:
                 return lower, upper, worst, used
+            spread = np.linalg.svd(points - points.mean(axis=0))[2][-1]
             directions = np.vstack([spread, -spread])
             continue
         before, lower = lower, float(offsets.min())
@@ -135,20 +135,3 @@ def slice_radius(
         if not open_.size or used >= SUPPORTS or (used > 60 and lower <= before):
             return lower, upper, worst, used
         directions = normals[open_[np.argsort(offsets[open_])[:FACETS]]]
-
-
-def _facets(points: Floats) -> tuple[Floats, Floats]:
-    """Returns unit normals and offsets of the hull of points (m, 3); none where it is flat.
-
-    Thin hulls are stretched to a round shape first: qhull's tolerance is of the widest extent.
-    """
-    middle = points.mean(axis=0)
-    _, spread, axes = np.linalg.svd(points - middle, full_matrices=False)
-    if len(spread) < 3 or spread[2] <= 1e-12 * spread[0]:
-        return np.empty((0, 3)), np.empty(0)
-    stretch = axes.T / spread  # (3, 3): columns
-    planes = ConvexHull((points - middle) @ stretch).equations
-    normals = planes[:, :3] @ stretch.T
-    size = np.linalg.norm(normals, axis=1)
-    normals /= size[:, None]
-    return normals, (points @ normals.T).max(axis=0)

@@ -1,10 +1,10 @@
 """The least sum of norms, many at a time, in NumPy: supports of slices and rays of ball sets.
 
 A slice of ``{Σ (f_j, p_j × f_j + c_j f_j), ‖f_j‖ ≤ L_j}`` has the support
-``min over x of Σ L_j ‖b_j + M_j x‖ - k·x``: the twist is held in what the slice keeps and free in the
-rest. Norms are rounded, ``√(‖·‖² + ε²)``, ever less; each minimum of the rounded sum is balanced by
-forces ``f_j = L_j (b_j + M_j x)/√(…)`` inside their balls, which give a wrench of the slice itself.
-So every answer is certified from both sides: x from above, f from below, ε Σ L_j apart.
+``min over x of Σ L_j ‖b_j + M_j x‖ - k·x``: the twist is held in what the slice keeps and free in
+the rest. Norms are rounded, ``√(‖·‖² + ε²)``, ever less; each minimum of the sum is balanced
+by forces ``f_j = L_j (b_j + M_j x)/√(…)`` inside their balls, which give a wrench of the slice. So
+every answer is certified from both sides: x from above, f from below, ε Σ L_j apart.
 The readable twin of `kernels/margins/norms.py`.
 """
 
@@ -13,11 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from snakegen.base.plain_first import plain_first
+from snakegen.kernels.margins import ray_casting
+
 Floats = NDArray[np.float64]
 ROUNDINGS = 10.0 ** -np.arange(0.0, 7.5, 1.0)  # ε, of the largest ‖b_j‖
 STEPS = 40  # of Newton at one ε
 STILL = 1e-16  # over ε, of the largest slope there can be: what rounding leaves of it
 BALANCED = 2e-9  # of that slope
+FEW = 20  # distances of some 50 ms each, before the kernel
 FLAT = 1e-13  # of the largest curvature, below which there is none
 NOISE = 1e-14  # of the sum, by which rounding may raise it
 
@@ -31,7 +35,7 @@ class Balance(NamedTuple):
 
 
 def twist_speeds(twists: Floats, p: Floats) -> Floats:
-    """Returns ``v + ω × p_j + c_j ω`` (m, n, 3) of twists (m, 6); rows of p (n, 4) are (p_j, c_j)."""
+    """Returns ``v + ω × p_j + c_j ω`` (m, n, 3) of twists (m, 6); p (n, 4)."""
     v, w = twists[:, None, :3], twists[:, None, 3:]
     return v + np.cross(w, p[None, :, :3]) + p[None, :, 3:] * w
 
@@ -115,14 +119,30 @@ def _newton(
     return out, value, np.abs(slope).max(axis=1, initial=0.0)
 
 
-def shoot(
+def _compiled_shoot(
     u: Floats, p: Floats, limit: Floats, hover: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Returns (lower (m,), upper (m,), twists (m, 6)) of the largest t with ``hover + t u`` in reach.
+    twists = np.empty_like(u)
+    reach = [ray_casting.shoot(a, p, limit, hover, d) for a, d in zip(u, twists, strict=True)]
+    lower, upper = np.array(reach).T
+    return lower, upper, twists
 
-    ``t = min over d·u = 1 of h(d) - d·w0``, for m directions u (m, 6) that the set spans; a twist is
-    the normal where its ray leaves, ``twist·u = 1``. The lower bound is -inf where forces do not
-    balance.
+
+def _compiled_distance(
+    p: Floats, limit: Floats, hover: Floats, rounds: int
+) -> tuple[float, float, Floats]:
+    twist = np.zeros(6)
+    low, high = ray_casting.distance(p, limit, hover, rounds, twist)
+    return low, high, twist
+
+
+@plain_first(_compiled_shoot)
+def shoot(u: Floats, p: Floats, limit: Floats, hover: Floats) -> tuple[Floats, Floats, Floats]:
+    """Returns lower and upper (m,) of the largest t with ``hover + t u`` in reach, twists (m, 6).
+
+    ``t = min over d·u = 1 of h(d) - d·w0``, for m directions u (m, 6) that the set spans; a twist
+    is the normal where its ray leaves, ``twist·u = 1``. The lower bound is -inf where forces do
+    not balance.
     """
     square = (u * u).sum(axis=1)[:, None]
     across = np.linalg.svd(u[:, None, :])[2][:, 1:]  # (m, 5, 6)
@@ -134,8 +154,9 @@ def shoot(
     return np.where(found.balanced, lower, -np.inf), slack(twists, p, limit, hover), twists
 
 
+@plain_first(_compiled_distance, calls=FEW)
 def distance(p: Floats, limit: Floats, hover: Floats, rounds: int) -> tuple[float, float, Floats]:
-    """Returns (lower, upper) of the scaled distance from `hover` to the set, and the unit direction.
+    """Returns (lower, upper) of the scaled distance from `hover` to the set; its unit direction.
 
     Accelerated descent on ``½‖Σ (f_j, p_j × f_j + c_j f_j) - w0‖²`` over the balls; stops when the
     bounds agree to 1e-10.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from snakegen.kernels.margins.inner_radius import insert, simplex
+from snakegen.wrench_margins.polytope import facets
 
 Floats = NDArray[np.float64]
 Support = Callable[[Floats], tuple[float, Floats]]
@@ -29,36 +29,33 @@ def inner_ball(support: Support, tolerance: float, most: int = 300) -> tuple[flo
         Bounds of the radius and the unit direction of the upper one. ``upper < 0`` proves that
         the origin lies outside; ``lower`` is then nan, and -inf where the body is too flat.
     """
-    points = np.empty((most, 3))
-    facets, planes = np.empty((2 * most + 8, 3), np.int64), np.empty((2 * most + 8, 4))
-    edges = np.empty((6 * most, 2), np.int64)
+    points: list[Floats] = []
     upper, worst = np.inf, np.zeros(3)
-    for k, e in enumerate(np.vstack([np.eye(3), -np.eye(3)])):
-        above, points[k] = support(e)
+    for e in np.vstack([np.eye(3), -np.eye(3)]):
+        above, point = support(e)
+        points.append(point)
         if above < upper:
             upper, worst = above, e
         if upper < 0.0:
             return np.nan, upper, worst
-    size = np.abs(points[:6]).max()
-    count, *corners = simplex(points, 6, facets, planes)
-    if count == 0:
-        return -np.inf, upper, worst
-    for k in set(range(6)) - set(corners):
-        count, _ = insert(points, k, facets, planes, count, edges, 1e-12 * size)
-    for used in range(6, most):
-        weakest = int(np.argmin(planes[:count, 3]))
-        lower, e = float(planes[weakest, 3]), planes[weakest, :3].copy()
-        if upper - lower <= tolerance * upper:
+    lower, size = 0.0, np.abs(points).max()
+    while True:
+        normals, offsets = facets(np.array(points))
+        if not offsets.size:
+            return -np.inf, upper, worst
+        weakest = int(np.argmin(offsets))
+        lower, e = float(offsets[weakest]), normals[weakest]
+        if upper - lower <= tolerance * upper or len(points) >= most:
             break
-        above, points[used] = support(e)
+        above, point = support(e)
         if above < upper:
             upper, worst = above, e
         if upper < 0.0:
             return np.nan, upper, worst
-        if points[used] @ e - lower <= 1e-12 * size:
+        if point @ e - lower <= 1e-12 * size:
             break
-        count, _ = insert(points, used, facets, planes, count, edges, 1e-12 * size)
-    return max(float(planes[:count, 3].min()), 0.0), upper, worst
+        points.append(point)
+    return max(lower, 0.0), upper, worst
 
 
 def inner_ball_of(

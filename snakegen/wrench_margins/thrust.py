@@ -6,9 +6,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from snakegen.base.plain_first import plain_first
 from snakegen.errors import AnalysisError
-from snakegen.kernels.margins import zonotope
-from snakegen.wrench_margins import inputs
+from snakegen.kernels.margins import zonotope as kernel
+from snakegen.wrench_margins import inputs, zonotope
 
 Floats = NDArray[np.float64]
 NAMES = ("wrench", "force", "torque", "attitude_altitude")
@@ -109,7 +110,7 @@ class ThrustMargins:
         for i, (q, w) in enumerate(zip(stack, hover, strict=True)):
             fixed = w - q[:, ~live] @ middle[~live]
             columns = np.ascontiguousarray(q[:, live])
-            out[i] = zonotope.along(
+            out[i] = kernel.along(
                 columns, half[live], middle[live], fixed, self.scale, direction / self.scale
             )
         # where hover is within reach so is t = 0, whatever rounding says
@@ -170,6 +171,35 @@ def _index(margin: str) -> int:
     return NAMES.index(margin)
 
 
+def compiled(
+    columns: Floats, half: Floats, middle: Floats, hover: Floats, scale: Floats
+) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """Returns margins (m, 4), normals (m, 4, 6) and ranks (m,) of m postures, scaled.
+
+    Args:
+        columns: (m, 6, n) wrench per newton.
+        half, middle: (n,) N, of the limits.
+        hover: (m, 6) N and N·m.
+        scale: (6,)
+    """
+    m = len(columns)
+    margins, normals, rank = np.empty((m, 4)), np.empty((m, 4, 6)), np.empty(m, np.int64)
+    wrench = np.array(hover, order="C")  # one that can be written: else a compile of its own
+    kernel.batch(columns, half, middle, wrench, scale, margins, normals, rank)
+    return margins, normals, rank
+
+
+@plain_first(compiled)
+def one_posture(
+    columns: Floats, half: Floats, middle: Floats, hover: Floats, scale: Floats
+) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """Returns `compiled`'s results of one posture: ``{A x, |x_j| ≤ ½}``, A = S Q diag(2 half)."""
+    a = columns[0] * (2.0 * half) / scale[:, None]
+    y = (hover[0] - columns[0] @ middle) / scale
+    margins, normals, rank = zonotope.margins(a, y)
+    return margins[None], normals[None], np.array([rank])
+
+
 def thrust_margins(
     allocation: ArrayLike,
     lower: ArrayLike,
@@ -205,18 +235,9 @@ def thrust_margins(
     if not live.all():  # rotors without freedom only shift the set
         wrench = wrench - stack[:, :, ~live] @ low[~live]
     columns = stack if live.all() else np.ascontiguousarray(stack[:, :, live])
-    m = len(stack)
-    margins, normals, rank = np.empty((m, 4)), np.empty((m, 4, 6)), np.empty(m, np.int64)
-    zonotope.batch(
-        columns,
-        0.5 * (high - low)[live],
-        0.5 * (high + low)[live],
-        np.array(wrench, order="C"),  # one that can be written: else a compile of its own
-        scale,
-        margins,
-        normals,
-        rank,
-    )
+    limits = (0.5 * (high - low)[live], 0.5 * (high + low)[live])
+    measure = one_posture if q.ndim == 2 and zonotope.small(columns.shape[2]) else compiled
+    margins, normals, rank = measure(columns, *limits, wrench, scale)
     margins[:, 1] *= scale[0]
     margins[:, 2] *= scale[3]
     whole = ThrustMargins(

@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from snakegen.base.plain_first import plain_first
 from snakegen.errors import AnalysisError
 from snakegen.kernels.margins import limited_margins, vectored
-from snakegen.wrench_margins import inputs
+from snakegen.wrench_margins import ball_margins, inputs
 from snakegen.wrench_margins.branching import branch
 from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.limited import certify_wrench, refine_limited
@@ -14,6 +15,7 @@ from snakegen.wrench_margins.wrench_search import refine
 
 Floats = NDArray[np.float64]
 SHARP = 0.1  # of the tolerance, at which balls are measured where the wrench is searched
+FEW = 12  # postures of some 0.1 s each, before a kernel that takes 15 s to compile
 STARTS = 16  # of the wrench search, where the caller does not say
 
 
@@ -73,6 +75,23 @@ def vectored_margins(
     )
 
 
+@plain_first(vectored.batch, calls=FEW)
+def one_posture(
+    points: Floats,
+    limit: Floats,
+    hover: Floats,
+    tolerance: float,
+    bounds: Floats,
+    directions: Floats,
+    ranks: NDArray[np.int64],
+    counts: NDArray[np.int64],
+) -> None:
+    """Fills what `kernels.margins.vectored.batch` fills, for one posture of ball sets."""
+    bounds[0], directions[0], ranks[0], counts[0] = ball_margins.margins(
+        points[0], limit, hover[0], tolerance
+    )
+
+
 def set_margins(
     sets: ForceSets,
     hover_wrench: ArrayLike,
@@ -116,7 +135,8 @@ def set_margins(
         strength = sets.strengths[live] / scale[0]
         stack = np.ascontiguousarray(placed[:, live])
         fine = tolerance * (SHARP if starts > 0 else 1.0)
-        vectored.batch(stack, strength, wrenches, fine, bounds, twists, rank, calls)
+        measure = one_posture if one else vectored.batch
+        measure(stack, strength, wrenches, fine, bounds, twists, rank, calls)
         for i in np.flatnonzero((bounds[:, 0, 1] < 0.0) | (starts > 0)):
             refine(stack[i], strength, wrenches[i], bounds[i], twists[i], int(rank[i]), starts)
     else:

@@ -1,8 +1,8 @@
 """Exact margins of a thrust set {Q λ, λ_min ≤ λ ≤ λ_max} in NumPy, one posture (THEORY A4).
 
-In scaled coordinates the set is ``{A x, |x_j| ≤ ½}`` about its centre and hover lies at y. A facet's
-normal d is perpendicular to r - 1 independent columns of A (r the rank), so all subsets of r - 1
-columns give all facets; ``slack(d) = ½ Σ |d·a_j| - |d·y|``, and the margins are the least
+In scaled coordinates the set is ``{A x, |x_j| ≤ ½}`` about its centre and hover lies at y. The
+normal d of a facet is perpendicular to r - 1 independent columns of A (r the rank), so all subsets
+of r - 1 columns give all facets; ``slack(d) = ½ Σ |d·a_j| - |d·y|``, and the margins are the least
 slack/‖d‖, slack/‖d_f‖ and slack/‖d_τ‖. Other normals, as of dependent columns, only give more.
 The readable twin of `kernels/margins/zonotope.py`, which serves batches.
 """
@@ -47,7 +47,7 @@ def margins(a: Floats, y: Floats) -> tuple[Floats, Floats, int]:
 
 
 def _margins(a: Floats, y: Floats) -> tuple[Floats, Floats, int]:
-    """Returns margins (3,), normals (3, d) and the rank of `a` (d, n), d = 6, or 4 for the first."""
+    """Returns margins (3,), normals (3, d) and the rank of `a` (d, n), d = 4 or 6."""
     d = len(a)
     basis, lost = subspace(a)
     r = basis.shape[1]
@@ -83,7 +83,7 @@ def subspace(a: Floats) -> tuple[Floats, Floats]:
 
 
 def facet_normals(a: Floats) -> Floats:
-    """Returns unit vectors (m, r) with a facet's normal for every facet of the set of `a` (r, n)."""
+    """Returns unit vectors (m, r), among them the normals of all facets of the set of `a`."""
     r, n = a.shape
     if r < 2:
         return np.ones((1, r))
@@ -104,7 +104,7 @@ def lost_direction(lost: Floats, part: slice) -> Floats | None:
 
 
 def _outside(a: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Returns minus the distance from the set to y, and the unit direction from one to the other."""
+    """Returns minus the distance from the set to y, and the unit direction of it."""
     x = lsq_linear(a, y, (-0.5, 0.5), method="bvls", tol=1e-14).x
     gap = y - a @ x
     distance = float(np.linalg.norm(gap))

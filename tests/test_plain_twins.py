@@ -1,0 +1,243 @@
+"""The plain NumPy mathematics against its compiled twins, on random robots, sets and states."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from snakegen.base.geometry import rotation_from_rpy
+from snakegen.control import dual_allocation, vectored_allocation
+from snakegen.kernels.allocation import box_allocation as box_kernel
+from snakegen.kernels.allocation import dual_rotor, fully_actuated, mode_blending, underactuated
+from snakegen.kernels.allocation import gimbals as gimbal_kernel
+from snakegen.kernels.allocation import wrench_map as map_kernel
+from snakegen.kernels.dynamics import torque_terms as torque_kernel
+from snakegen.kernels.dynamics.joint_loads import no_loads
+from snakegen.kernels.kinematics import chain, jacobians
+from snakegen.kernels.margins import ray_casting, vectored
+from snakegen.kernels.margins import zonotope as zonotope_kernel
+from snakegen.robot import allocation_maps, box_allocation, gimbal_geometry, kinematics
+from snakegen.robot.robot import Robot, load
+from snakegen.statics import torque_terms
+from snakegen.statics.joint_torques import armature, segments
+from snakegen.wrench_margins import ball_margins, ball_support, zonotope
+
+ROBOTS = ("dragon4", "dragon3", "hybrid4", "grasper3", "arm6", "screw4")
+
+
+def same(plain: Any, kernel: Any, tolerance: float = 1e-12) -> None:
+    """Asserts that arrays, or tuples of them, agree to `tolerance` of the largest entry."""
+    if not isinstance(plain, tuple):
+        plain, kernel = (plain,), (kernel,)
+    for x, y in zip(plain, kernel, strict=True):
+        size = max(1.0, float(np.abs(y).max(initial=0.0)))
+        np.testing.assert_allclose(x, y, rtol=0.0, atol=tolerance * size)
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def robot(request: pytest.FixtureRequest) -> Robot:
+    return load(request.param)
+
+
+def states(robot: Robot) -> Any:
+    """Yields (rng, tree, base rotation, base position, angles); in one of them joints slide."""
+    n = len(robot.tree.parent)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        slides = (rng.random(n) < 0.4).astype(np.int64) if seed == 2 else robot.tree.prismatic
+        tree = robot.tree._replace(prismatic=slides)
+        base = rotation_from_rpy(rng.normal(size=3))
+        yield rng, tree, base, rng.normal(size=3), rng.normal(size=n - 1)
+
+
+def test_kinematics(robot: Robot) -> None:
+    for rng, tree, base, origin, angles in states(robot):
+        poses = chain.forward(tree, base, origin, angles)
+        same(kinematics.forward(tree, base, origin, angles), poses)
+        same(kinematics.mass_properties(tree, *poses), chain.mass_properties(tree, *poses))
+        columns = jacobians.twist_columns(tree, base, angles)
+        same(kinematics.twist_columns(tree, base, angles), columns)
+        at = int(rng.integers(len(tree.parent))), rng.normal(size=3)
+        tip = jacobians.tip_jacobian(tree, base, angles, *at)
+        same(kinematics.tip_jacobian(tree, base, angles, *at), tip)
+
+
+def test_torque_terms(robot: Robot) -> None:
+    for rng, tree, base, _, angles in states(robot):
+        n = len(tree.parent)
+        state = (rng.normal(size=5 + n), rng.normal(size=5 + n), rng.normal(size=(n, 6)))
+        gravity = rng.normal(size=3)
+        given = (tree, armature(robot), segments(robot), gravity, base, angles, *state)
+        same(torque_terms.torque_terms(*given), torque_kernel.torque_terms(*given))
+
+
+def test_allocation_maps_and_gimbals(robot: Robot) -> None:
+    if not robot.modules.apparatuses:
+        return
+    for rng, tree, base, origin, angles in states(robot):
+        count = len(robot.modules.apparatuses)
+        poses = chain.forward(tree, base, origin, angles)
+        axes, thrust = rotation_from_rpy(rng.normal(size=3)), rng.uniform(1.0, 9.0, count)
+        given = (tree, robot.rotors, robot.gimbals, *poses, axes)
+        same(allocation_maps.wrench_maps(*given, thrust), map_kernel.wrench_maps(*given, thrust))
+        cog = chain.centre_of_gravity(tree, *poses)[1]
+        given = (tree, robot.rotors, robot.gimbals, *poses, cog, axes)
+        m, rows = gimbal_kernel.mounts(*given)
+        same(gimbal_geometry.mounts(*given), (m, rows))
+        for j in np.repeat(np.arange(count), 20):
+            wanted, last = rng.normal(size=3), rng.normal(size=2)
+            wanted /= np.linalg.norm(wanted)
+            low, high = -rng.uniform(0.0, 4.0, 2), rng.uniform(0.0, 4.0, 2)
+            x, plain = np.empty(2), np.empty(2)
+            gimbal_kernel.point_thrust(m, j, wanted, last, low, high, x)
+            gimbal_geometry.point_thrust(m, int(j), wanted, last, low, high, plain)
+            same(plain, x, 1e-7)  # a thrust on joint 1's axis is half as exact
+        x = rng.normal(size=(count, 2))
+        q = underactuated.rotor_map(m, rows, x)
+        same(dual_allocation.rotor_map(m, rows, x), q)
+        allowed = fully_actuated.confinement(m, x)
+        same(vectored_allocation.confinement(m, x), allowed)
+        points = fully_actuated.point_map(m, x, allowed)
+        same(vectored_allocation.point_map(m, x, allowed), points)
+        wrench = fully_actuated.wrench_of(m, thrust, x)
+        same(vectored_allocation.wrench_of(m, thrust, x), wrench)
+        jacobian = fully_actuated.wrench_jacobian(m, thrust, x)
+        same(vectored_allocation.wrench_jacobian(m, thrust, x), jacobian)
+
+
+def test_dual_rotor_laws() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        attitude, force = rotation_from_rpy(rng.uniform(-1.0, 1.0, 3)), rng.normal(size=3)
+        there = underactuated.horizontal(force, attitude)
+        same(np.array(dual_allocation.horizontal(force, attitude)), np.array(there))
+        given = (*there, attitude, 9.0, rng.uniform(0.0, 2.0, 2), 0.2)
+        same(dual_allocation.tilted_target(*given), underactuated.tilted_target(*given))
+        tilt = underactuated.level_axes(attitude)
+        same(dual_allocation.level_axes(attitude), tilt)
+        q, w = rng.normal(size=(6, 8)), rng.normal(size=6)
+        four, wanted = underactuated.truncated(q, tilt), underactuated.truncated_wrench(w, tilt)
+        same(dual_allocation.truncated(q, tilt), four)
+        same(dual_allocation.truncated_wrench(w, tilt), wanted)
+        rows, most = rng.uniform(0.5, 2.0, 4), rng.uniform(1.0, 3.0, 8)
+        kernel = dual_rotor.allocate_dual(four, wanted, rows, 0.0 * most, most, 0, no_loads(8))
+        same(dual_allocation.allocate_dual(four, wanted, rows, most), kernel, 1e-7)
+
+
+def test_vectored_allocation() -> None:
+    robot, rng = load("dragon4"), np.random.default_rng(5)
+    for _ in range(10):
+        angles = rng.uniform(-0.8, 0.8, len(robot.tree.parent) - 1)
+        poses = chain.forward(robot.tree, np.eye(3), np.zeros(3), angles)
+        mass, cog, _ = chain.mass_properties(robot.tree, *poses)
+        given = (robot.tree, robot.rotors, robot.gimbals, *poses, cog, np.eye(3))
+        m, limit = gimbal_kernel.mounts(*given)[0], robot.gimbals.limit
+        n = len(limit)
+        wrench = mass * 9.81 * np.append([0.0, 0.0, 1.0], rng.uniform(-0.05, 0.05, 3))
+        rows, last = np.repeat([1.0, 2.0], 3) / (mass * 9.81), np.zeros((n, 2))
+        low, high = np.full((n, 2), -np.pi), np.full((n, 2), np.pi)
+        numbers = (3, 10, 1e-8)
+        plain = vectored_allocation.least_answer(
+            m, limit, wrench, rows, last, (low, high), *numbers
+        )
+        free = (no_loads(3 * n), np.zeros((2, n, 3)), np.ones(2))
+        kernel = mode_blending.allocate_virtual(
+            m, limit, wrench, rows, last, low, high, *numbers, 0, *free
+        )
+        same(plain[:3], kernel[:3], 1e-6)
+        made = vectored_allocation.wrench_of(m, plain[0], plain[1])
+        assert np.linalg.norm(made - wrench) < 1e-6
+
+
+def test_box_allocation() -> None:
+    rng = np.random.default_rng(7)
+    for k in range(60):
+        n, m = int(rng.integers(2, 13)), int(rng.choice([4, 6]))
+        q, d, rows = rng.normal(size=(m, n)), rng.uniform(0.5, 2.0, n), rng.uniform(0.5, 2.0, m)
+        low = -0.4 * d * (k % 2)
+        wrench = q @ rng.uniform(low, d) * rng.choice([0.3, 1.0, 3.0])
+        given = (q, wrench, rows, d, low, d)
+        plain, kernel = box_allocation.box_allocation(*given), box_kernel.box_allocation(*given)
+        missed = [np.linalg.norm(rows * (q @ x - wrench)) for x in (plain, kernel)]
+        assert (plain >= low).all() and (plain <= d).all()
+        assert missed[0] <= missed[1] + 1e-7
+        same(plain, kernel, 1e-7 if missed[1] < 1e-7 else 2e-4)  # the kernel stops early beyond
+
+
+def test_exact_margins() -> None:
+    rng, out_of_reach = np.random.default_rng(11), 0
+    for _ in range(150):
+        n, r = int(rng.integers(1, 13)), int(rng.integers(1, 8))
+        q = rng.normal(size=(6, n))
+        if r < 6:  # lower rank
+            q = rng.normal(size=(6, r)) @ rng.normal(size=(r, n))
+        half, middle = rng.uniform(0.2, 1.0, n), 0.5 * rng.normal(size=n)
+        inside = q @ (middle + rng.uniform(-1.0, 1.0, n) * half * rng.choice([0.5, 1.5]))
+        hover = inside + rng.choice([0.0, 0.0, 0.3]) * rng.normal(size=6)
+        scale = np.repeat([2.0, 1.0], 3)
+        found = np.empty((1, 4)), np.empty((1, 4, 6)), np.empty(1, np.int64)
+        zonotope_kernel.batch(q[None], half, middle, hover[None], scale, *found)
+        a, y = q * 2.0 * half / scale[:, None], (hover - q @ middle) / scale
+        plain, normals, rank = zonotope.margins(a, y)
+        np.testing.assert_allclose(plain, found[0][0], rtol=1e-9, atol=1e-10)
+        assert rank == found[2][0]
+        out_of_reach += plain[0] < 0.0
+        if plain[0] > 0.0:  # the normals reach what they are said to
+            slack = 0.5 * np.abs(normals[:3] @ a).sum(axis=1) - normals[:3] @ y
+            parts = [slice(0, 6), slice(0, 3), slice(3, 6)]
+            size = [np.linalg.norm(d[p]) for d, p in zip(normals[:3], parts, strict=True)]
+            np.testing.assert_allclose(slack / size, plain[:3], rtol=1e-9)
+    assert 20 < out_of_reach < 130
+
+
+def ball_case(rng: np.random.Generator, k: int) -> tuple[Any, ...]:
+    """Returns points (n, 4), limits (n,) and hover (6,): wide, thin and collinear bodies."""
+    n = int(rng.integers(2, 8))
+    p = np.zeros((n, 4))
+    p[:, :3] = rng.normal(size=(n, 3)) * rng.choice([1.0, 1.0, 0.3, 1e-3], size=3)
+    if k % 7 == 0:
+        p[:, 1:3] = 0.0
+    if k % 5 == 0:
+        p[:, 3] = 0.02 * rng.normal(size=n)
+    p[:, :3] -= p[:, :3].mean(axis=0)
+    up = rng.normal(size=3)
+    hover = np.append(up / np.linalg.norm(up), np.zeros(3))
+    return p, rng.uniform(0.3, 1.0, n) * 2.0 / n, hover
+
+
+def test_certified_margins() -> None:
+    rng, closed = np.random.default_rng(13), 0
+    for k in range(25):
+        p, limit, hover = ball_case(rng, k)
+        bounds, twists = np.empty((1, 3, 2)), np.empty((1, 3, 6))
+        rank, calls = np.empty(1, np.int64), np.empty((1, 2), np.int64)
+        vectored.batch(p[None], limit, hover[None], 1e-3, bounds, twists, rank, calls)
+        plain, kernel = ball_margins.margins(p, limit, hover, 1e-3), bounds[0]
+        assert plain.rank == rank[0]
+        np.testing.assert_array_equal(np.isnan(plain.bounds), np.isnan(kernel))
+        if kernel[0, 1] < 0.0:
+            assert plain.bounds[0, 1] < 0.0
+            continue
+        for ours, theirs in zip(plain.bounds[1:], kernel[1:], strict=True):  # brackets of one value
+            assert ours[0] <= theirs[1] * (1.0 + 1e-9) and theirs[0] <= ours[1] * (1.0 + 1e-9)
+            assert ours[1] - ours[0] <= 1e-3 * ours[1]
+            closed += ours[1] > 0.0
+    assert closed > 20
+
+
+def test_rays_and_distances() -> None:
+    rng = np.random.default_rng(17)
+    for k in range(1, 7):
+        p, limit, hover = ball_case(rng, k)
+        u, normal = rng.normal(size=(5, 6)), np.empty(6)
+        low, high, twists = ball_support.shoot.__wrapped__(u, p, 2.0 * limit, hover)  # type: ignore[attr-defined]
+        for i, a in enumerate(u):
+            kernel = ray_casting.shoot(a, p, 2.0 * limit, hover, normal)
+            assert low[i] <= kernel[1] * (1.0 + 1e-9) and kernel[0] <= high[i] * (1.0 + 1e-9)
+            assert high[i] - low[i] <= 1e-3 * high[i]
+            assert twists[i] @ a == pytest.approx(1.0)
+        far = 3.0 * hover
+        plain = ball_support.distance.__wrapped__(p, limit, far, 20000)  # type: ignore[attr-defined]
+        apart = ray_casting.distance(p, limit, far, 20000, normal)
+        np.testing.assert_allclose(plain[:2], apart, rtol=1e-8)
+        assert plain[0] <= apart[1] * (1.0 + 1e-9) and apart[0] <= plain[1] * (1.0 + 1e-9)
