@@ -14,13 +14,21 @@ from snakegen.kernels.allocation import wrench_map as map_kernel
 from snakegen.kernels.dynamics import torque_terms as torque_kernel
 from snakegen.kernels.dynamics.joint_loads import no_loads
 from snakegen.kernels.kinematics import chain, jacobians
-from snakegen.kernels.margins import ray_casting, vectored
+from snakegen.kernels.margins import norms, ray_casting, vectored
 from snakegen.kernels.margins import zonotope as zonotope_kernel
 from snakegen.robot import allocation_maps, box_allocation, gimbal_geometry, kinematics
 from snakegen.robot.robot import Robot, load
 from snakegen.statics import torque_terms
 from snakegen.statics.joint_torques import armature, segments
-from snakegen.wrench_margins import ball_margins, ball_support, zonotope
+from snakegen.wrench_margins import (
+    ball_certificate,
+    ball_margins,
+    ball_support,
+    wrench_search,
+    zonotope,
+)
+from snakegen.wrench_margins.force_sets import ForceSets
+from snakegen.wrench_margins.limited import certify_wrench
 
 ROBOTS = ("dragon4", "dragon3", "hybrid4", "grasper3", "arm6", "screw4")
 
@@ -234,10 +242,48 @@ def test_rays_and_distances() -> None:
         for i, a in enumerate(u):
             kernel = ray_casting.shoot(a, p, 2.0 * limit, hover, normal)
             assert low[i] <= kernel[1] * (1.0 + 1e-9) and kernel[0] <= high[i] * (1.0 + 1e-9)
-            assert high[i] - low[i] <= 1e-3 * high[i]
+            assert high[i] - low[i] <= 1e-3 * high[i] + 1e-7
             assert twists[i] @ a == pytest.approx(1.0)
         far = 3.0 * hover
         plain = ball_support.distance.__wrapped__(p, limit, far, 20000)  # type: ignore[attr-defined]
         apart = ray_casting.distance(p, limit, far, 20000, normal)
         np.testing.assert_allclose(plain[:2], apart, rtol=1e-8)
         assert plain[0] <= apart[1] * (1.0 + 1e-9) and apart[0] <= plain[1] * (1.0 + 1e-9)
+
+
+def test_sum_of_norms() -> None:
+    rng = np.random.default_rng(19)
+    for _ in range(10):
+        n, k = int(rng.integers(4, 9)), int(rng.integers(2, 8))
+        start, maps = rng.normal(size=(n, 3)), rng.normal(size=(n, 3, k))
+        limit, cost = rng.uniform(0.3, 1.0, n), 0.05 * rng.normal(size=k)
+        above, below, gap = [], [], []
+        for minimise in (ball_support.minimise.__wrapped__, norms.minimise):  # type: ignore[attr-defined]
+            x, f = np.zeros(k), np.zeros((n, 3))
+            gap.append(minimise(start, maps, limit, cost, x, f) * limit.sum())
+            assert np.abs(np.einsum("jck,jc->k", maps, f) - cost).max() < 1e-8
+            assert (np.linalg.norm(f, axis=1) <= limit * (1.0 + 1e-12)).all()
+            above.append(np.linalg.norm(start + maps @ x, axis=1) @ limit - cost @ x)
+            below.append((f * start).sum())
+        assert max(below) <= min(above) + 1e-7 and gap[0] < 1e-5
+        assert max(above) - min(below) <= max(gap) + 1e-7
+
+
+def test_wrench_certificate() -> None:
+    rng, raised = np.random.default_rng(23), 0
+    for _ in range(3):
+        p, limit, hover = ball_case(rng, 1)
+        p[:, :3] = rng.normal(size=(len(p), 3))
+        p[:, :3] -= p[:, :3].mean(axis=0)
+        plain = ball_margins.margins(p, 2.0 * limit, hover, 1e-4)
+        if plain.rank < 6 or plain.bounds[0, 1] < 0.0:
+            continue
+        bounds, twists = plain.bounds.copy(), plain.twists.copy()
+        wrench_search.refine(p, 2.0 * limit, hover, bounds, twists, 6, 16)
+        hull = ForceSets.free(p[:, :3], 2.0 * limit).hull()
+        theirs, there = bounds.copy(), twists.copy()
+        certify_wrench(hull, hover, theirs, there, 1e-3)
+        ball_certificate.certify_balls(p, 2.0 * limit, hover, bounds, twists, 1e-3)
+        np.testing.assert_allclose(bounds[0], theirs[0], rtol=1e-3)
+        raised += bounds[0, 0] > plain.bounds[0, 0]
+    assert raised > 0

@@ -12,7 +12,10 @@ from snakegen.inverse_kinematics.motion import Motion
 from snakegen.kernels.dynamics import torque_terms
 from snakegen.kernels.dynamics.inverse_dynamics import torques_batch
 from snakegen.robot.robot import Robot
+from snakegen.statics import torque_terms as plain
 from snakegen.statics.joint_torques import DOWN, Wrenches, armature, finite, link_loads, segments
+
+FEW = 400  # instants of 1 ms each, before a kernel that takes 10 s to compile
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +81,12 @@ def torques_along(
     full[:, chain], v[:, 6 + chain], a[:, 6 + chain] = angles, rates, bends
     base = np.repeat(robot.base_pose(q)[0][None], m, axis=0)
     g = finite(gravity, (3,), "gravity")
-    none = np.zeros((n + 1, 6))
-    rows = torque_terms.torque_terms_batch(
-        robot.tree, armature(robot), segments(robot), g, base, full, v, a, none
-    )
+    same, none = (robot.tree, armature(robot), segments(robot), g), np.zeros((n + 1, 6))
+    if m <= FEW:
+        states = zip(base, full, v, a, strict=True)
+        rows = np.array([plain.torque_terms(*same, *s, none) for s in states])
+    else:
+        rows = torque_terms.torque_terms_batch(*same, base, full, v, a, none)
     loads = link_loads(robot, wrenches)
     if len(loads.body):
         still: Any = np.zeros((m, 6 + n))

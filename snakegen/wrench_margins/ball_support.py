@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.base.plain_first import plain_first
-from snakegen.kernels.margins import ray_casting
+from snakegen.kernels.margins import norms, ray_casting
 
 Floats = NDArray[np.float64]
 ROUNDINGS = 10.0 ** -np.arange(0.0, 7.5, 1.0)  # ε, of the largest ‖b_j‖
@@ -117,6 +117,21 @@ def _newton(
             break
         part[left] *= 0.5
     return out, value, np.abs(slope).max(axis=1, initial=0.0)
+
+
+@plain_first(norms.minimise)
+def minimise(
+    start: Floats, maps: Floats, limit: Floats, cost: Floats, x: Floats, f: Floats
+) -> float:
+    """Minimises one sum of B norms: writes x (k,) and the forces f (B, 3) that balance it.
+
+    Returns the ε of the sum, inf where forces do not balance: the sum at x and the value of the
+    forces differ by at most ``ε Σ L_j``. Arguments as in `balance`, without its m.
+    """
+    found = balance(start[None], maps[None], limit, cost[None])
+    x[:], f[:] = found.x[0], found.forces[0]
+    sharpest = ROUNDINGS[-1] * max(float(np.linalg.norm(start, axis=1).max()), 1e-300)
+    return sharpest if found.balanced[0] else np.inf
 
 
 def _compiled_shoot(

@@ -5,8 +5,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from snakegen.base.plain_first import plain_first
 from snakegen.errors import AnalysisError
+from snakegen.kernels.margins import force_sets as kernel
 from snakegen.kernels.margins import limited_margins, vectored
 from snakegen.wrench_margins import ball_margins, inputs
+from snakegen.wrench_margins.ball_certificate import certify_balls
 from snakegen.wrench_margins.branching import branch
 from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.limited import certify_wrench, refine_limited
@@ -16,6 +18,7 @@ from snakegen.wrench_margins.wrench_search import refine
 Floats = NDArray[np.float64]
 SHARP = 0.1  # of the tolerance, at which balls are measured where the wrench is searched
 FEW = 12  # postures of some 0.1 s each, before a kernel that takes 15 s to compile
+FEWER = 4  # certificates of up to a second each, before kernels that take 8 s
 STARTS = 16  # of the wrench search, where the caller does not say
 
 
@@ -92,6 +95,14 @@ def one_posture(
     )
 
 
+@plain_first(certify_wrench, calls=FEWER)
+def certify_one(
+    hull: kernel.Sets, hover: Floats, bounds: Floats, twists: Floats, tolerance: float
+) -> None:
+    """Raises the lower bound of the wrench margin of ball sets, as `certify_wrench` does."""
+    certify_balls(hull.points, hull.high, hover, bounds, twists, tolerance)
+
+
 def set_margins(
     sets: ForceSets,
     hover_wrench: ArrayLike,
@@ -150,7 +161,8 @@ def set_margins(
             refine_limited(here, wrenches[i], bounds[i], twists[i], tolerance, starts)
     for i in np.flatnonzero((bounds[:, 0, 0] >= 0.0) & (rank == 6) & (starts > 0)):
         here = hull._replace(points=placed[i], frames=frames[i])
-        certify_wrench(here, wrenches[i], bounds[i], twists[i], tolerance)
+        raise_bound = certify_one if sets.balls.all() else certify_wrench
+        raise_bound(here, wrenches[i], bounds[i], twists[i], tolerance)
     bounds[:, 1] *= scale[0]
     bounds[:, 2] *= scale[3]
     if one:
