@@ -91,7 +91,7 @@ def test_batch_equals_single_and_a_turned_frame_changes_nothing(seed):
     )
     for name in ("wrench", "force", "torque"):
         expected = getattr(one, name)
-        np.testing.assert_array_equal(getattr(batch, name)[0], expected)
+        np.testing.assert_allclose(getattr(batch, name)[0], expected, atol=1e-12, rtol=1e-11)
         np.testing.assert_allclose(getattr(batch, name)[1], expected, atol=1e-9, rtol=1e-9)
     assert batch[1].rank == one.rank
 

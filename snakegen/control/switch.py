@@ -170,13 +170,11 @@ def _refusal(
     controller: Controller, mode: int, check: SwitchCheck, angles: Any, rotation: Any, last: Any
 ) -> str:
     """Returns the reason of a check that failed, without a full stop."""
-    if check.saturated and check.sigma_min >= check.threshold:
-        return "hover would need thrusts beyond their limits"
-    if check.sigma_min >= check.threshold:
-        return _grip_loss(controller, angles, rotation, last)
-    below = f"is below {check.threshold:g} in this posture"
     if mode == VIRTUAL and check.map_sigma_min < check.threshold:
-        return _grip_loss(controller, angles, rotation, last)
+        return _grip_loss(controller, angles, rotation, last)  # no answer beyond this one counts
+    if check.sigma_min >= check.threshold:
+        return "hover would need thrusts beyond their limits"
+    below = f"is below {check.threshold:g} in this posture"
     if mode == VIRTUAL:
         return f"scaled σ_min(J_w) = {check.sigma_min:.2g} {below}"
     frame = cog_frame(controller, angles, rotation)

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.wrench_margins.ball_support import balance, net_wrench, slack, twist_speeds
-from snakegen.wrench_margins.polytope import facets
+from snakegen.wrench_margins.inner_ball import facets
 from snakegen.wrench_margins.zonotope import OFF, RANK_TOLERANCE, lost_direction, subspace
 
 Floats = NDArray[np.float64]
 SUPPORTS = 400  # then a slice says that it did not close
 OUT = 1e-12  # scaled, by which a support below 0 proves hover out of reach
+SURE = 1e-9  # of the forces, by which points may miss the slice that they are taken to lie in
 FACETS = 16  # looked at in one round
 SLICES = (slice(0, 3), slice(3, 6))
 
@@ -53,14 +54,14 @@ def margins(p: Floats, limit: Floats, hover: Floats, tolerance: float) -> Bracke
     rank = basis.shape[1]
     thickness = np.linalg.norm((lost.T @ a).reshape(6 - rank, len(p), 3), axis=2).sum(axis=1)
     inside = bool((np.abs(lost.T @ hover) <= thickness + OFF).all())
-    if rank < 6:
-        twists[0] = lost_direction(lost, slice(0, 6))
+    for k, part in enumerate((slice(0, 6), *SLICES)):
+        direction = lost_direction(lost, part)
+        twists[k] = np.nan if direction is None else direction
     for k, part in enumerate(SLICES):
         if not inside:
             break
-        direction = lost_direction(lost, part) if rank < 6 else None
-        if direction is not None and np.linalg.norm(lost[part], axis=1).max() > RANK_TOLERANCE:
-            twists[1 + k], bounds[1 + k] = direction, 0.0
+        if np.linalg.norm(lost[part], axis=1).max(initial=0.0) > RANK_TOLERANCE:
+            bounds[1 + k] = 0.0
             continue
         low, high, twists[1 + k], calls[k] = slice_radius(part, p, limit, hover, tolerance)
         bounds[1 + k] = max(low, 0.0), high
@@ -130,8 +131,8 @@ def slice_radius(
             spread = np.linalg.svd(points - points.mean(axis=0))[2][-1]
             directions = np.vstack([spread, -spread])
             continue
-        before, lower = lower, float(offsets.min())
-        open_ = np.flatnonzero(offsets < upper * (1.0 - tolerance))
+        before, lower = lower, float(offsets.min()) - SURE * limit.sum()
+        open_ = np.flatnonzero(offsets - SURE * limit.sum() < upper * (1.0 - tolerance))
         if not open_.size or used >= SUPPORTS or (used > 60 and lower <= before):
             return lower, upper, worst, used
         directions = normals[open_[np.argsort(offsets[open_])[:FACETS]]]

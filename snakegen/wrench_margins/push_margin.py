@@ -79,6 +79,11 @@ class PushMargins:
         """
         mine = {k: m for k, m in self.kinds[kind].items() if k.startswith(ALLOCATORS[allocator])}
         least = min(mine, key=lambda k: -np.inf if np.isnan(mine[k].value) else mine[k].value)
+        first = least.replace("servo", "thrust")
+        if (
+            mine[first].at_limit == mine[least].at_limit
+        ):  # no joint limits: one margin, two searches
+            least = first
         return least, mine[least]
 
     def to_json(self) -> dict[str, Any]:

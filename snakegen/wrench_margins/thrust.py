@@ -6,7 +6,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from snakegen.base.plain_first import plain_first
 from snakegen.errors import AnalysisError
 from snakegen.kernels.margins import zonotope as kernel
 from snakegen.wrench_margins import inputs, zonotope
@@ -189,7 +188,6 @@ def compiled(
     return margins, normals, rank
 
 
-@plain_first(compiled)
 def one_posture(
     columns: Floats, half: Floats, middle: Floats, hover: Floats, scale: Floats
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:

@@ -3,8 +3,7 @@
 In scaled coordinates the set is ``{A x, |x_j| ≤ ½}`` about its centre and hover lies at y. The
 normal d of a facet is perpendicular to r - 1 independent columns of A (r the rank), so all subsets
 of r - 1 columns give all facets; ``slack(d) = ½ Σ |d·a_j| - |d·y|``, and the margins are the least
-slack/‖d‖, slack/‖d_f‖ and slack/‖d_τ‖. Other normals, as of dependent columns, only give more.
-The readable twin of `kernels/margins/zonotope.py`, which serves batches.
+slack/‖d‖, slack/‖d_f‖ and slack/‖d_τ‖. The twin of `kernels/margins/zonotope.py`, for batches.
 """
 
 from itertools import combinations
@@ -14,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from snakegen.base.rounding import least
+from snakegen.base.rounding import least, significant
 
 Floats = NDArray[np.float64]
 RANK_TOLERANCE = 1e-6  # of σ_1, THEORY A3
 OFF = 1e-9  # how far from its own subspace rounding can put a point of it, scaled
+TIED = 1e-9  # relative, of margins at two facets
 OUTSIDE = 1e-12  # of the support: a slack below minus this share proves hover out of reach
 SUBSETS = 20_000  # of columns, a tenth of a second; the kernel's tree looks at fewer
 
@@ -67,12 +67,23 @@ def _margins(a: Floats, y: Floats) -> tuple[Floats, Floats, int]:
         with np.errstate(divide="ignore"):
             reach = np.where(size > OFF, slack / np.maximum(size, OFF), np.inf)
         if reach.size and np.isfinite(reach).any():
-            at = int(np.argmax(reach <= reach.min() * (1.0 + OFF)))  # of ties the first
-            out[k], found[k] = reach[at], normal[at]
+            out[k] = reach.min()
+            found[k] = _first(normal[reach <= out[k] * (1.0 + TIED)])
         direction = lost_direction(lost, part) if r < d else None
         if direction is not None:
             out[k], found[k] = 0.0, direction
     return out, found, r
+
+
+def _first(normals: Floats) -> Floats:
+    """Returns of tied normals (m, d) the one that comes last in order, whatever rounding says.
+
+    A normal and its opposite count as one; `ThrustMargins` picks where both tie.
+    """
+    size = np.abs(normals)
+    leading = np.argmax(size > 1e-6 * size.max(axis=1, keepdims=True), axis=1)[:, None]
+    key = significant(normals * np.sign(np.take_along_axis(normals, leading, axis=1)), 6)
+    return np.asarray(normals[np.lexsort(key.T[::-1])[-1]])
 
 
 def subspace(a: Floats) -> tuple[Floats, Floats]:
@@ -83,12 +94,16 @@ def subspace(a: Floats) -> tuple[Floats, Floats]:
 
 
 def facet_normals(a: Floats) -> Floats:
-    """Returns unit vectors (m, r), among them the normals of all facets of the set of `a`."""
+    """Returns unit vectors (m, r), among them the normals of all facets of the set of `a`.
+
+    Those across r - 1 columns (r, n) that are independent.
+    """
     r, n = a.shape
     if r < 2:
         return np.ones((1, r))
     subsets = np.array(list(combinations(range(n), r - 1)))
-    return np.linalg.svd(a.T[subsets])[2][:, -1]
+    _, sigma, across = np.linalg.svd(a.T[subsets])
+    return across[sigma[:, -1] > OFF * sigma.max(initial=0.0), -1]
 
 
 def lost_direction(lost: Floats, part: slice) -> Floats | None:

@@ -48,7 +48,7 @@ def inscribed(J: Floats, torque: Floats, limit: Floats) -> tuple[float, int, Flo
         radius = np.where(moved, (limit - np.abs(torque)) / norms, np.inf)
     lowest = float(np.min(radius))  # of equals the first: rounding does not choose the joint
     i = int(np.flatnonzero(radius <= lowest + 1e-9 * abs(lowest))[0])
-    sign = -1.0 if torque[i] > 0 else 1.0
+    sign = -1.0 if torque[i] > RANK_TOLERANCE * limit[i] else 1.0  # unloaded, either way is worst
     return float(radius[i]), i, sign * J[:, i] / norms[i]
 
 
