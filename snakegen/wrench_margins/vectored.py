@@ -18,6 +18,7 @@ from snakegen.wrench_margins.wrench_search import refine
 Floats = NDArray[np.float64]
 SHARP = 0.1  # of the tolerance, at which balls are measured where the wrench is searched
 FEW = 12  # postures of some 0.1 s each, before a kernel that takes 15 s to compile
+FINEST = 1e-5  # that plain NumPy closes: it rounds norms by 1e-7
 FEWER = 4  # certificates of up to a second each, before kernels that take 8 s
 STARTS = 16  # of the wrench search, where the caller does not say
 
@@ -146,7 +147,7 @@ def set_margins(
         strength = sets.strengths[live] / scale[0]
         stack = np.ascontiguousarray(placed[:, live])
         fine = tolerance * (SHARP if starts > 0 else 1.0)
-        measure = one_posture if one else vectored.batch
+        measure = one_posture if one and fine >= FINEST else vectored.batch
         measure(stack, strength, wrenches, fine, bounds, twists, rank, calls)
         for i in np.flatnonzero((bounds[:, 0, 1] < 0.0) | (starts > 0)):
             refine(stack[i], strength, wrenches[i], bounds[i], twists[i], int(rank[i]), starts)
