@@ -20,15 +20,10 @@ from snakegen.robot import allocation_maps, box_allocation, gimbal_geometry, kin
 from snakegen.robot.robot import Robot, load
 from snakegen.statics import torque_terms
 from snakegen.statics.joint_torques import armature, segments
-from snakegen.wrench_margins import (
-    ball_certificate,
-    ball_margins,
-    ball_support,
-    wrench_search,
-    zonotope,
-)
+from snakegen.wrench_margins import wrench_search
 from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.limited import certify_wrench
+from snakegen.wrench_margins.plain import ball_certificate, ball_margins, ball_support, zonotope
 
 ROBOTS = ("dragon4", "dragon3", "hybrid4", "grasper3", "arm6", "screw4")
 

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from snakegen.errors import AnalysisError
 from snakegen.wrench_margins import inputs
-from snakegen.wrench_margins.ball_support import minimise
 from snakegen.wrench_margins.inner_ball import inner_ball, inner_ball_of
+from snakegen.wrench_margins.plain.ball_support import minimise
 from snakegen.wrench_margins.vectored import vectored_margins
 
 Floats = NDArray[np.float64]

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from snakegen.errors import AnalysisError
 from snakegen.kernels.margins import zonotope as kernel
-from snakegen.wrench_margins import inputs, zonotope
+from snakegen.wrench_margins import inputs
+from snakegen.wrench_margins.plain import zonotope
 
 Floats = NDArray[np.float64]
 NAMES = ("wrench", "force", "torque", "attitude_altitude")

@@ -7,11 +7,12 @@ from snakegen.base.plain_first import plain_first
 from snakegen.errors import AnalysisError
 from snakegen.kernels.margins import force_sets as kernel
 from snakegen.kernels.margins import limited_margins, vectored
-from snakegen.wrench_margins import ball_margins, inputs
-from snakegen.wrench_margins.ball_certificate import certify_balls
+from snakegen.wrench_margins import inputs
 from snakegen.wrench_margins.branching import branch
 from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.limited import certify_wrench, refine_limited
+from snakegen.wrench_margins.plain import ball_margins
+from snakegen.wrench_margins.plain.ball_certificate import certify_balls
 from snakegen.wrench_margins.vectored_result import VectoredMargins
 from snakegen.wrench_margins.wrench_search import refine
 

@@ -7,7 +7,7 @@ bound, the best of them is the margin named; the slices bound it from below (THE
 import numpy as np
 from numpy.typing import NDArray
 
-from snakegen.wrench_margins.ball_support import distance, shoot, slack
+from snakegen.wrench_margins.plain.ball_support import distance, shoot, slack
 
 Floats = NDArray[np.float64]
 TURNS = 50  # of a ray to the normal that was hit

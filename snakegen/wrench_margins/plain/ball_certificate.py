@@ -10,7 +10,7 @@ The readable twin of `kernels/margins/wrench_certificate.py`.
 import numpy as np
 from numpy.typing import NDArray
 
-from snakegen.wrench_margins.ball_support import net_wrench, twist_speeds
+from snakegen.wrench_margins.plain.ball_support import net_wrench, twist_speeds
 
 Floats = NDArray[np.float64]
 CONES = 1_000_000  # looked at for one radius, times apparatuses: some 1 s

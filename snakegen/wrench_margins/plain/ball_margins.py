@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from snakegen.wrench_margins.ball_support import balance, net_wrench, slack, twist_speeds
 from snakegen.wrench_margins.inner_ball import facets
-from snakegen.wrench_margins.zonotope import OFF, RANK_TOLERANCE, lost_direction, subspace
+from snakegen.wrench_margins.plain.ball_support import balance, net_wrench, slack, twist_speeds
+from snakegen.wrench_margins.plain.zonotope import OFF, RANK_TOLERANCE, lost_direction, subspace
 
 Floats = NDArray[np.float64]
 SUPPORTS = 400  # then a slice says that it did not close
