@@ -20,7 +20,7 @@ from snakegen.simulation.flight.loop import Flown, fly
 from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections, draw
 from snakegen.simulation.flight.world import World, make_world
-from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.simulation.missions import planned
 from snakegen.simulation.recording.record import record
 
 
@@ -52,7 +52,7 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=5)
     given = parser.parse_args()
     robot = load(given.robot)
-    plan = hover(robot, 200.0, duration=given.seconds)
+    plan = planned("hover", robot, 200.0, duration=given.seconds)
     controller, world = flight_controller(robot), make_world(robot)
     what = Imperfections.of(robot.modules.plant)
     ticks = len(plan.time)

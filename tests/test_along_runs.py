@@ -13,7 +13,7 @@ from snakegen.kernels.core.stack_arrays import borrowed
 from snakegen.kernels.flight.run_history import farthest_rows, maps_history
 from snakegen.log import skeleton as sk
 from snakegen.log.body import drawable
-from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.simulation.missions import planned
 
 
 def test_rows_that_stand_out_are_those_of_numpy():
@@ -32,7 +32,7 @@ def test_rows_that_stand_out_are_those_of_numpy():
 def test_maps_along_a_run_are_the_analysis():
     robot = snakegen.load("dragon4")
     rng = np.random.default_rng(1)
-    rows = [hover(robot, 200.0, duration=0.1).start for _ in range(3)]
+    rows = [planned("hover", robot, 200.0, duration=0.1).start for _ in range(3)]
     for q in rows:
         q[7:] += 0.3 * rng.normal(size=len(q) - 7)
     base = [robot.base_pose(q) for q in rows]

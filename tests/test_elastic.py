@@ -16,7 +16,7 @@ from snakegen.simulation.flight.elastic import modal_frequencies, split_links
 from snakegen.simulation.flight.mujoco_arrays import stations
 from snakegen.simulation.flight.run import run
 from snakegen.simulation.flight.world import make_world
-from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.simulation.missions import planned
 from snakegen.spec.loading import load_spec
 from snakegen.spec.robot_spec import RobotSpec
 
@@ -24,7 +24,7 @@ from snakegen.spec.robot_spec import RobotSpec
 @pytest.mark.parametrize("name", ["dragon4", "dragon3"])
 def test_a_split_robot_has_the_same_mass_matrix_while_it_does_not_bend(name):
     robot = snakegen.load(name)
-    start = hover(robot, 200.0, duration=0.1).start
+    start = planned("hover", robot, 200.0, duration=0.1).start
     found = []
     for stiffness in (0.0, 1300.0):
         world = make_world(robot, link_stiffness=stiffness)
@@ -84,7 +84,7 @@ def test_a_released_robot_rings_at_the_lowest_frequency():
     model, data = world.model, mujoco.MjData(world.model)
     model.opt.gravity[:] = 0.0
     model.actuator_biasprm[:, 2] = 0.0  # servos without damping
-    world.set_state(data, hover(robot, 200.0, duration=0.1).start)
+    world.set_state(data, planned("hover", robot, 200.0, duration=0.1).start)
     data.ctrl[world.servos] = data.qpos[world.qpos][world.chain]
     present = world.gimbals >= 0
     data.ctrl[world.gimbals[present]] = data.qpos[world.qpos][world.gimbal_joints[present]]

@@ -9,7 +9,7 @@ from snakegen.kernels.dynamics.generalized_forces import generalize
 from snakegen.robot.robot import load
 from snakegen.simulation.flight import mujoco_arrays
 from snakegen.simulation.flight.world import make_world
-from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.simulation.missions import planned
 
 
 @pytest.mark.parametrize("n", [1, 2, 4, 6, 9])
@@ -46,7 +46,10 @@ def test_least_singular_value_is_that_of_the_scaled_map():
 @pytest.mark.parametrize("stiffness", [0.0, 1300.0])
 def test_forces_on_bodies_reach_the_joints_as_by_mujocos_jacobians(stiffness):
     robot, rng = load("dragon4"), np.random.default_rng(2)
-    world, plan = make_world(robot, link_stiffness=stiffness), hover(robot, 200.0, duration=1.0)
+    world, plan = (
+        make_world(robot, link_stiffness=stiffness),
+        planned("hover", robot, 200.0, duration=1.0),
+    )
     model, data = world.model, mujoco.MjData(world.model)
     world.set_state(data, plan.start)
     data.qpos[7:] += rng.normal(size=model.nq - 7)
@@ -66,7 +69,7 @@ def test_forces_on_bodies_reach_the_joints_as_by_mujocos_jacobians(stiffness):
 
 def test_two_halves_are_a_step_bit_for_bit():
     robot = load("dragon4")
-    world, plan = make_world(robot), hover(robot, 200.0, duration=1.0)
+    world, plan = make_world(robot), planned("hover", robot, 200.0, duration=1.0)
     one, two = mujoco.MjData(world.model), mujoco.MjData(world.model)
     rng = np.random.default_rng(3)
     for data in (one, two):

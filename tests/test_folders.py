@@ -16,7 +16,7 @@ from snakegen.base import atomic_io, folder_swap
 from snakegen.base.atomic_io import folder_whole, replace_whole
 from snakegen.base.file_lock import InUseError, exclusive
 from snakegen.errors import AnalysisError, SnakegenError
-from snakegen.sweep.samples import read_table
+from snakegen.sweep.samples import read_postures
 
 
 def put(target: Path, **contents: str) -> None:
@@ -258,17 +258,17 @@ def test_ctrl_c_turned_into_another_error_is_130(
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("a,a,b\n0,0,0\n", "has the column 'a' twice"),
-        ("a,b\ntrue,0\nfalse,0\n", "column 'a' holds bool, no angles"),
-        ("a,b\nx,0\n", "column 'a' holds string, no angles"),
-        ("a,b\n2026-01-01,0\n", "column 'a' holds date32"),
+        ("a,a,b\n0,0,0\n", "names 'a' twice"),
+        ("a,b\ntrue,0\nfalse,0\n", "line 2: a is 'true', not a finite"),
+        ("a,b\nx,0\n", "line 2: a is 'x', not a finite"),
+        ("a,b\n2026-01-01,0\n", "line 2: a is '2026-01-01', not"),
     ],
 )
 def test_columns_that_are_no_angles_are_refused(tmp_path: Path, text: str, says: str) -> None:
     path = tmp_path / "t.csv"
     path.write_text(text)
     with pytest.raises(AnalysisError, match=says):
-        read_table(path, ("a", "b"), np.full(2, -1.0), np.full(2, 1.0))
+        read_postures(path, ("a", "b"), np.full(2, -1.0), np.full(2, 1.0))
 
 
 def test_the_lock_of_a_name_without_flock_is_its_process(

@@ -134,6 +134,7 @@ def test_waypoints_pass_through_and_rest(arm, tmp_path):
         ("time,joint1_yaw\n0,0\n1\n", r"line 3: 1 entries for 2 columns"),
         ("time,joint1_yow\n0,0\n1,0\n", r"no joint 'joint1_yow' to move. Did you mean"),
         ("joint1_yaw\n0\n", r"first line must be time,joint1_pitch"),
+        ("0,0\n1,0\n", r"line 1: numbers; the first line must name the columns"),
         ("time,joint1_yaw\n0,0\n0,0.1\n", r"rising times \(row 2\)"),
         ("time,joint1_yaw\n0,0\n", r"two waypoints or more"),
         ("time,joint1_yaw\n0,0\n5,0.9\n", r"goes to 0.9 rad at 5 s, outside its limits -0.7854"),
@@ -165,7 +166,7 @@ def test_faulty_motions_of_other_kinds(arm, tmp_path):
             motion_of(arm, path)
     with pytest.raises(AnalysisError, match="no such file"):
         motion_of(arm, "nowhere.csv")
-    with pytest.raises(AnalysisError, match="'table3', a CSV"):
+    with pytest.raises(AnalysisError, match="'table3', a table"):
         motion_of(arm, "table4")
     with pytest.raises(AnalysisError, match="static and sliding"):
         friction_of("0.1,0.3")

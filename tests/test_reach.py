@@ -190,7 +190,11 @@ def test_a_path_comes_from_a_table(arm, bent, tmp_path):
     got = reach.analyze(arm, bent, path=str(file), port="1.0,0,0,1,0,0,1.0")
     np.testing.assert_array_equal(got.track.error < 2e-6, want.track.error < 2e-6)
     assert got.track.clearance > 0 and "port" in dict(got.rows())
-    for text, words in (("1,2,x\n", "CSV"), ("1,2,nan\n1,2,3\n", "NaN"), ("1,2\n3,4\n", "needed")):
+    for text, words in (
+        ("x,y,z\n1,2,x\n", "line 2: z is 'x'"),
+        ("1,2,nan\n1,2,3\n", "line 1: z is 'nan'"),
+        ("1,2\n3,4\n", "2 entries"),
+    ):
         file.write_text(text)
         with pytest.raises(AnalysisError, match=words):
             reach.analyze(arm, bent, path=str(file))

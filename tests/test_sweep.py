@@ -23,7 +23,7 @@ from snakegen.sweep import executors
 from snakegen.sweep import run as running
 from snakegen.sweep.batch import Body, evaluate
 from snakegen.sweep.run import sweep
-from snakegen.sweep.samples import KINDS, chosen_joints, draw, read_table
+from snakegen.sweep.samples import KINDS, chosen_joints, draw, read_postures
 from snakegen.sweep.store import identity_of
 from snakegen.sweep.worker import Task, work
 from snakegen.sweep.worst import refine
@@ -315,22 +315,22 @@ def test_tables_of_a_person(robot: Robot, tmp_path: Path) -> None:
     low, high, _ = robot.limits(names)
     good = tmp_path / "good.csv"
     good.write_text(",".join(names) + "\n" + "\n".join("0.1,0.2,0.3,0.4,0.5,0.6" for _ in range(3)))
-    assert read_table(good, names, low, high).shape == (3, 6)
+    assert read_postures(good, names, low, high).shape == (3, 6)
     cases = {
-        "row 2: joint1_yaw = nan is not a number": "0,0,0,0,0,0\n0,nan,0,0,0,0",
-        "row 1: joint1_pitch = 9 is outside": "9,0,0,0,0,0",
+        "line 3: joint1_yaw is 'nan', not a finite number": "0,0,0,0,0,0\n0,nan,0,0,0,0",
+        "line 2: joint1_pitch = 9 is outside": "9,0,0,0,0,0",
         "has no rows": "",
     }
     for message, rows in cases.items():
         bad = tmp_path / "bad.csv"
         bad.write_text(",".join(names) + "\n" + rows + "\n")
         with pytest.raises(AnalysisError, match=message):
-            read_table(bad, names, low, high)
+            read_postures(bad, names, low, high)
     with pytest.raises(AnalysisError, match="has no column 'joint1_pitch'"):
         bad.write_text("a,b\n1,2\n")
-        read_table(bad, names, low, high)
-    with pytest.raises(AnalysisError, match="cannot be read"):
-        read_table(tmp_path / "none.parquet", names, low, high)
+        read_postures(bad, names, low, high)
+    with pytest.raises(AnalysisError, match="no such file"):
+        read_postures(tmp_path / "none.parquet", names, low, high)
 
 
 def test_bad_requests_are_one_line(robot: Robot) -> None:

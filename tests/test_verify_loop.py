@@ -20,8 +20,7 @@ from snakegen.simulation.flight.plan import Failure
 from snakegen.simulation.flight.plant import Imperfections, draw
 from snakegen.simulation.flight.run import prepare, run
 from snakegen.simulation.flight.world import make_world
-from snakegen.simulation.missions.flight.hover import plan as hover
-from snakegen.simulation.missions.flight.transform import plan as transform
+from snakegen.simulation.missions import planned
 from snakegen.simulation.recording.clearance import clearances
 from snakegen.simulation.recording.record import record
 
@@ -110,7 +109,7 @@ def plain_loop(robot, world, plan, noise, what, seconds, speeds):
 @pytest.mark.parametrize("delay", [0.010, 0.003])
 def test_compiled_loop_is_the_plain_loop(dragon4, world, delay):
     """Sensors' rates, delay, noise, mismatch and servo speed, over a motion, in still vacuum."""
-    plan = transform(dragon4, 200.0)
+    plan = planned("transform", dragon4, 200.0)
     late = replace(plan, **{n: getattr(plan, n)[600:700] for n in ("position", "velocity")})
     late = replace(
         late,
@@ -131,14 +130,14 @@ def test_compiled_loop_is_the_plain_loop(dragon4, world, delay):
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_does_not(dragon4, world):
-    plan = hover(dragon4, 200.0, duration=0.5)
+    plan = planned("hover", dragon4, 200.0, duration=0.5)
     a, b, c = (flight(dragon4, world, plan, seed) for seed in (7, 7, 8))
     assert a.qpos.tobytes() == b.qpos.tobytes() and a.command.tobytes() == b.command.tobytes()
     assert a.qpos.tobytes() != c.qpos.tobytes()
 
 
 def test_halving_the_time_step_moves_the_cog_by_less_than_a_millimetre(dragon4):
-    plan = transform(dragon4, 200.0)
+    plan = planned("transform", dragon4, 200.0)
     plan = replace(
         plan,
         **{
@@ -159,7 +158,7 @@ def test_halving_the_time_step_moves_the_cog_by_less_than_a_millimetre(dragon4):
 
 def test_motion_capture_is_seen_at_its_own_rate(dragon4, world):
     """Noise between two samples at 40 Hz changes nothing; noise on a sample does."""
-    plan, what = hover(dragon4, 200.0, duration=0.3), Imperfections()
+    plan, what = planned("hover", dragon4, 200.0, duration=0.3), Imperfections()
     noise = draw(what, np.random.default_rng(0), 60, 8, len(world.qpos))
     shaken = np.arange(60) % 5 != 0
     between, on = noise.position.copy(), noise.position.copy()
@@ -173,7 +172,7 @@ def test_motion_capture_is_seen_at_its_own_rate(dragon4, world):
 
 
 def test_a_slow_imu_and_a_delay_are_late(dragon4, world):
-    plan = hover(dragon4, 200.0, duration=0.3)
+    plan = planned("hover", dragon4, 200.0, duration=0.3)
     usual = flight(dragon4, world, plan, what=Imperfections(**VACUUM))
     for change in ({"imu_rate": 50.0}, {"delay": 0.02}):
         other = flight(dragon4, world, plan, what=Imperfections(**VACUUM, **change))
@@ -181,7 +180,7 @@ def test_a_slow_imu_and_a_delay_are_late(dragon4, world):
 
 
 def test_divergence_stops_at_once_and_says_when_and_what(dragon4, world):
-    plan = hover(dragon4, 200.0, duration=1.0)
+    plan = planned("hover", dragon4, 200.0, duration=1.0)
     push = np.zeros((200, 6))
     push[100:, 0] = 1e6
     flown = flight(dragon4, world, replace(plan, disturbance=push))
@@ -234,7 +233,7 @@ def test_an_interruption_keeps_a_readable_log(dragon4, tmp_path):
 
 
 def test_a_lost_rotor_stops_and_the_run_may_give_up(dragon4, world):
-    plan = hover(dragon4, 200.0, duration=2.0, height=4.0)
+    plan = planned("hover", dragon4, 200.0, duration=2.0, height=4.0)
     plan = replace(plan, failures=(Failure(0.5, 0.6, (2, 3)),), give_up=0.3)
     flown = flight(dragon4, world, plan)
     lost = flown.act[:, world.activation[2]]

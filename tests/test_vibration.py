@@ -25,7 +25,7 @@ from snakegen.simulation.flight.vibration import (
     running_mean,
 )
 from snakegen.simulation.flight.world import make_world
-from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.simulation.missions import planned
 from snakegen.simulation.missions.flight.ring import decay
 from snakegen.spec.loading import load_spec
 
@@ -45,7 +45,7 @@ class Scene:
         self.world = make_world(self.robot, link_stiffness=300.0, floor=False)
         self.controller = flight_controller(self.robot, mode=mode)
         self.data = mujoco.MjData(self.world.model)
-        self.start = hover(self.robot, 200.0, duration=0.1).start
+        self.start = planned("hover", self.robot, 200.0, duration=0.1).start
         self.world.set_state(self.data, self.start)
         mujoco.mj_forward(self.world.model, self.data)
         self.damper, self.modes = damper(self.world, self.controller, ON, self.data.qpos)

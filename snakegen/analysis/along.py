@@ -1,23 +1,26 @@
 """Margins along a joint trajectory: its weakest instant, certified."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from snakegen.base.geometry import Floats
+from snakegen.base.number_table import NumberTable, read_number_table
 from snakegen.errors import AnalysisError, near
 from snakegen.robot.robot import Robot
 from snakegen.sweep.batch import Body, evaluate
-from snakegen.sweep.samples import read_table
+from snakegen.sweep.samples import postures_of
 
 COMMAND = "along"
 ORDER = 65
 REPORT = False  # needs a table
 EXAMPLE = "dragon4 --table waypoints.csv --margin torque_margin"
 OPTIONS = {
-    "table": ["", "CSV or Parquet of waypoints: joint names, and a column 'time' if it has one"],
+    "table": [
+        "",
+        "CSV, Parquet or YAML of waypoints: a header of joint names, and 'time' if it has one",
+    ],
     "step": [0.02, "rad, largest joint motion between two instants that are checked"],
     "margin": ["force_margin", "which margin decides the weakest instant"],
 }
@@ -94,10 +97,10 @@ def analyze(
         raise AnalysisError("along: a motion is needed: --table waypoints.csv.")
     if not 0 < step < np.inf:
         raise AnalysisError(f"--step {step:g}: more than 0 rad is needed.")
-    path = Path(table)
-    names, time = _columns(robot, path)
+    given = read_number_table(table)
+    names, time = _columns(robot, given)
     low, high, _ = robot.limits(names)
-    points = read_table(path, names, low, high)
+    points = postures_of(given, names, low, high)
     knots, timed = (np.arange(len(points), dtype=float), False) if time is None else (time, True)
     at, rows = _dense(knots, points, step)
     joints = robot.chain_joints
@@ -113,36 +116,23 @@ def analyze(
     return Along(margin, at, whole, joints, values, timed)
 
 
-def _columns(robot: Robot, path: Path) -> tuple[tuple[str, ...], Floats | None]:
+def _columns(robot: Robot, table: NumberTable) -> tuple[tuple[str, ...], Floats | None]:
     """Returns the joints that the table has, and its times."""
-    import pyarrow as pa
-    import pyarrow.csv
-    import pyarrow.parquet
-
-    try:
-        csv = path.suffix.lower() == ".csv"
-        table = pyarrow.csv.read_csv(path) if csv else pyarrow.parquet.read_table(path)
-    except (OSError, pa.ArrowException) as error:
-        reason = str(error).splitlines()[0]
-        raise AnalysisError(f"{path}: cannot be read as CSV or Parquet ({reason}).") from None
     known = ("time", *robot.chain_joints)
-    for column in table.column_names:
+    for column in table.names:
         if column not in known:
             raise AnalysisError(
-                f"{path.name}: column '{column}' is no joint that shapes {robot.name}."
+                f"{table.name}: column '{column}' is no joint that shapes {robot.name}."
                 f"{near(column, known)}"
             )
-    names = tuple(n for n in robot.chain_joints if n in table.column_names)
+    names = tuple(n for n in robot.chain_joints if n in table.names)
     if not names:
-        raise AnalysisError(f"{path.name} names no joint of {robot.name}.")
-    if "time" not in table.column_names:
+        raise AnalysisError(f"{table.name} names no joint of {robot.name}.")
+    if "time" not in table.names:
         return names, None
-    try:
-        time = np.asarray(table["time"], dtype=float)
-    except (TypeError, ValueError):
-        raise AnalysisError(f"{path.name}: its column 'time' holds text.") from None
-    if not np.all(np.isfinite(time)) or np.any(np.diff(time) <= 0):
-        raise AnalysisError(f"{path.name}: its times do not rise.")
+    time = table.column("time")
+    if np.any(np.diff(time) <= 0):
+        raise AnalysisError(f"{table.name}: its times do not rise.")
     return names, time
 
 

@@ -53,7 +53,10 @@ OPTIONS = {
     "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
     "tip_force": [None, "N, force at the tip, world axes, as in 0,0,-5"],
     "gravity": ["0,0,-9.81", "m/s², world; 0,0,0 for none"],
-    "motion": [None, "table3, a CSV or YAML: how stiff the arm is along it, at 20 instants a s"],
+    "motion": [
+        None,
+        "table3, a table or a YAML: how stiff the arm is along it, at 20 instants a s",
+    ],
     "mjcf": [None, "MJCF to write: the cables as tendons with winches, in place of the servos"],
 }
 _RATE = 20.0  # instants a second of a motion

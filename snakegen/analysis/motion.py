@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from snakegen.base.atomic_io import require_suffix, write_atomically
+from snakegen.base.atomic_io import require_suffix
 from snakegen.base.geometry import Floats
+from snakegen.base.number_table import ENDINGS, write_number_table
 from snakegen.base.rounding import significant
 from snakegen.errors import AnalysisError
 from snakegen.inverse_kinematics.friction import Friction, friction_of
@@ -26,7 +27,11 @@ COMMAND = "motion"
 ORDER = 65
 EXAMPLE = "arm6 --motion table3 --friction 0.1,0.06 --table torques.csv"
 OPTIONS = {
-    "motion": [None, "table3, a CSV (time,joint1_pitch,… in s and rad) or YAML; table3 if absent"],
+    "motion": [
+        None,
+        "table3, a table (CSV, Parquet, YAML; header time,joint1_pitch,… in s and rad) or YAML of "
+        "sines; table3 if absent",
+    ],
     "duration": [None, "s, instead of the motion's own; sines alone"],
     "rate": [1000.0, "instants a second"],
     "terms": ["full", "depth: static, quasi_static (the paper's eq 24) or full"],
@@ -37,7 +42,7 @@ OPTIONS = {
         "static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own",
     ],
     "ends": ["rest", "of a table: rest, or free for one that is cut out of a motion"],
-    "table": [None, "CSV to write: time, angles, torques, power"],
+    "table": [None, "CSV, Parquet or YAML table to write: time, angles, torques, power"],
 }
 
 
@@ -56,7 +61,7 @@ class MotionResult:
         speed_limit: (k,) rad/s.
         depth_peaks: (k,) N m by depth, without friction.
         share: by term, its part of the sum over joints, instants and terms of |torque|.
-        table: the CSV written, "" if none.
+        table: the file written, "" if none.
         assumed: no motion was asked for; the paper's stands in.
     """
 
@@ -224,7 +229,7 @@ def analyze(
         wrenches: as in `joint_torques`.
         friction: static and sliding friction of every joint, N m; the servos' own if absent.
         ends: as in `waypoints`.
-        table: a CSV to write.
+        table: a table to write: CSV, Parquet or YAML.
 
     Raises:
         SnakegenError: not an arm, a motion outside the limits, NaN, more than fits into memory.
@@ -234,7 +239,7 @@ def analyze(
     if terms not in DEPTHS:
         raise AnalysisError(f"terms: '{terms}' is none of {', '.join(DEPTHS)}.")
     if table is not None:
-        require_suffix(table, ".csv")
+        require_suffix(table, *ENDINGS)
     q = robot.validate_configuration(q)
     names = robot.chain_joints
     start = robot.angles(q)[[robot.joint_names.index(n) for n in names]]
@@ -269,12 +274,11 @@ def analyze(
 
 
 def write_table(result: MotionResult, path: Path) -> None:
-    """Writes time, angle, torque and power of each joint as CSV: s, rad, N m, W."""
-    joints = result.along.joints
-    head = ["time_s", *(f"{n}_{unit}" for unit in ("rad", "Nm", "W") for n in joints)]
-    columns = [result.along.time[:, None], result.along.angles, result.torque, result.power]
-    lines = [",".join(f"{x:.9g}" for x in row) for row in np.hstack(columns)]
-    write_atomically(path, "\n".join([",".join(head), *lines]) + "\n")
+    """Writes time, angle, torque and power of each joint as a table: s, rad, N m, W."""
+    columns = {"time_s": result.along.time}
+    for unit, values in (("rad", result.along.angles), ("Nm", result.torque), ("W", result.power)):
+        columns |= {f"{n}_{unit}": values[:, k] for k, n in enumerate(result.along.joints)}
+    write_number_table(path, columns)
 
 
 _SHOWN = 12  # joints in a table; a longer robot shows its hardest

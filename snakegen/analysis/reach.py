@@ -39,7 +39,8 @@ EXAMPLE = "arm6 --port 1.25,0.08,0.08,1,0,0,0.06 --depth 0.25"
 OPTIONS = {
     "path": [
         None,
-        "CSV of x,y,z [m] from the base origin, a row every dt; straight in through the port if "
+        "table (CSV, Parquet, YAML) of x,y,z [m] from the base origin, a row every dt; "
+        "straight in through the port if "
         "absent, or a circle without one",
     ],
     "radius": [0.05, "m, of the circle"],
@@ -189,7 +190,7 @@ def analyze(
     Args:
         robot: any robot with a chain joint.
         q: (nq,) posture it starts from; the tip first goes to the path's first point.
-        path: (m, 3) m from the base origin, world axes, a sample every dt; or a CSV file of it.
+        path: (m, 3) m from the base origin, world axes, a sample every dt; or a table of it.
         tip, tip_point: link and point (m, link axes) that follows; the last link's end if absent.
         options: the loop; made from `dt` … `port` if absent.
         radius, depth, duration: m, m and s, of the circle and of the way in.

@@ -28,7 +28,11 @@ ORDER = 71
 REPORT = False  # needs a hole
 EXAMPLE = "arm6 --mouth 1.25,0.08,0.08 --inwards 1,0,0 --depth 0.3"
 OPTIONS = {
-    "path": [None, "CSV of x,y,z [m] from the base origin: the hole's centreline, mouth first"],
+    "path": [
+        None,
+        "table (CSV, Parquet, YAML) of x,y,z [m] from the base origin: "
+        "the hole's centreline, mouth first",
+    ],
     "mouth": [None, "x,y,z of a straight hole's mouth, m, in place of a path"],
     "inwards": ["1,0,0", "direction of that hole"],
     "depth": [0.3, "m, of that hole"],
@@ -143,7 +147,7 @@ def analyze(
     Args:
         robot: an arm.
         q: (nq,) posture it starts from; the tip first goes to the mouth.
-        path: (m, 3) m from the base origin, world axes, mouth first; or a CSV file of it.
+        path: (m, 3) m from the base origin, world axes, mouth first; or a table of it.
         mouth, inwards, depth: (3,) m, (3,) and m of a straight hole, in place of a path.
         room: m, that the body's line may be off the centreline.
         feed: m, that the base can go along the hole's first direction.
@@ -192,7 +196,7 @@ def _centreline(
     if path is not None:
         return checked_path(path)
     if mouth is None:
-        raise AnalysisError("tunnel needs a hole: --path FILE.csv, or --mouth x,y,z.")
+        raise AnalysisError("tunnel needs a hole: --path FILE, or --mouth x,y,z.")
     along = finite(inwards, (3,), "inwards")
     if not np.linalg.norm(along) > 0:
         raise AnalysisError("inwards: a direction of length 0.")

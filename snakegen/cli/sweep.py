@@ -36,7 +36,11 @@ ANNOUNCED = 100_000  # postures from which on a sweep says beforehand what it wi
     default="sobol", show_default=True, help="How postures are chosen within the joint limits.",
 )  # fmt: skip
 @click.option(
-    "--from", "table", metavar="FILE", type=click.Path(), help="CSV or Parquet of postures."
+    "--from",
+    "table",
+    metavar="FILE",
+    type=click.Path(),
+    help="Postures to take: a table (CSV, Parquet or YAML) whose header names joints.",
 )
 @click.option(
     "--joints", metavar="A,B,…", help="Joints to vary; all that shape the body by default."
@@ -82,7 +86,7 @@ def sweep(
       snakegen analyze sweep dragon4 --from postures.csv -o margins.parquet
     """
     from snakegen.sweep.run import sweep as run
-    from snakegen.sweep.samples import Table, chosen_joints, read_table, sampling
+    from snakegen.sweep.samples import Table, chosen_joints, read_postures, sampling
     from snakegen.sweep.store import read_columns
 
     _check_margin(column, worst)
@@ -92,7 +96,7 @@ def sweep(
     drawn_over = _map_axes(axes, names)
     low, high, _ = machine.limits(names)
     drawn = (
-        Table(read_table(Path(table), names, low, high))
+        Table(read_postures(Path(table), names, low, high))
         if table
         else sampling(kind, samples, seed, low, high)
     )

@@ -1,20 +1,20 @@
-"""Motion files: CSV tables of waypoints, and YAML with sines or waypoints."""
+"""Motion files: tables of waypoints (CSV, Parquet, YAML), and YAML with sines or waypoints."""
 
-import csv
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from snakegen.base import yaml_file
+from snakegen.base.geometry import Floats
+from snakegen.base.number_table import ENDINGS, NumberTable, read_number_table
 from snakegen.errors import AnalysisError, near
 from snakegen.inverse_kinematics import motion as motions
 from snakegen.inverse_kinematics.motion import Motion
 from snakegen.inverse_kinematics.zs24_table3 import table3_within
 from snakegen.robot.robot import Robot
 
-_FORMS = "'table3', a CSV (time,joint1_pitch,…) or a YAML file (sines: or time:)"
+_FORMS = "'table3', a table (CSV, Parquet, YAML; time,joint1_pitch,…) or a YAML file of sines"
 _YAML_KEYS = ("sines", "duration", "time", "angles")
 
 
@@ -30,8 +30,8 @@ def motion_of(
 
     Args:
         robot: whose chain.
-        source: a motion, ``table3``, a CSV file whose header is ``time`` and joint names (s, rad),
-            or a YAML file: ``sines: {joint1_yaw: {amplitude: 0.2, period: 2}}`` with ``duration``,
+        source: a motion, ``table3``, a table whose header is ``time`` and joint names (s, rad), or
+            a YAML file: ``sines: {joint1_yaw: {amplitude: 0.2, period: 2}}`` with ``duration``,
             or ``time: [...]`` with ``angles: {joint1_yaw: [...]}``.
         duration: s, instead of the motion's own; sines alone.
         start: (k,) rad, where joints that are not named stay.
@@ -46,20 +46,34 @@ def motion_of(
     if name == "table3":
         return table3_within(robot, duration=duration)
     suffix = Path(name).suffix.lower()
-    if suffix == ".csv":
+    if suffix in (".yaml", ".yml"):
+        data = yaml_file.read(Path(name))
+        if not _is_table(data):
+            return _from_yaml(robot, Path(name), data, duration, start, ends)
+    if suffix in ENDINGS:
         if duration is not None:
             raise AnalysisError(f"{name}: a table has its own times; duration is for sines.")
-        time, angles = _read_csv(Path(name))
+        time, angles = _waypoints(read_number_table(name))
         return motions.waypoints(robot, time, angles, start=start, ends=ends, name=Path(name).name)
-    if suffix in (".yaml", ".yml"):
-        return _from_yaml(robot, Path(name), duration, start, ends)
     raise AnalysisError(f"motion '{name}' is not known; write {_FORMS}.")
 
 
+def _is_table(data: Any) -> bool:
+    """Tells whether a YAML file is a table: rows, or columns of which one is ``time``."""
+    if isinstance(data, list):
+        return bool(data) and all(isinstance(row, dict) for row in data)
+    columns = isinstance(data, dict) and not {"sines", "angles"} & data.keys()
+    return columns and isinstance(data.get("time"), list)
+
+
 def _from_yaml(
-    robot: Robot, path: Path, duration: float | None, start: ArrayLike | None, ends: str
+    robot: Robot,
+    path: Path,
+    data: Any,
+    duration: float | None,
+    start: ArrayLike | None,
+    ends: str,
 ) -> Motion:
-    data = yaml_file.read(path)
     if not isinstance(data, dict):
         raise AnalysisError(f"{path.name}: a motion is a mapping with 'sines' or 'time'.")
     for key in data:
@@ -76,38 +90,12 @@ def _from_yaml(
     raise AnalysisError(f"{path.name}: 'sines', or 'time' and 'angles', are needed.")
 
 
-def _read_csv(path: Path) -> tuple[Any, dict[str, Any]]:
-    """Returns times and angles by joint from a table whose first column is ``time``."""
-    try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except FileNotFoundError:
-        raise AnalysisError(f"{path}: no such file.") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise AnalysisError(f"{path}: cannot be read ({error}).") from None
-    numbered = [
-        (i + 1, [c.strip() for c in r]) for i, r in enumerate(rows) if any(map(str.strip, r))
-    ]
-    if not numbered or numbered[0][1][0] not in ("time", "t"):
-        raise AnalysisError(f"{path.name}: its first line must be time,joint1_pitch,… (s, rad).")
-    head = numbered[0][1]
-    if len(set(head)) != len(head) or len(head) < 2:
-        raise AnalysisError(f"{path.name}: one column a joint beside time, each name once.")
-    values = np.empty((len(numbered) - 1, len(head)))
-    for k, (line, cells) in enumerate(numbered[1:]):
-        if len(cells) != len(head):
-            raise AnalysisError(
-                f"{path.name}, line {line}: {len(cells)} entries for {len(head)} columns."
-            )
-        for j, cell in enumerate(cells):
-            try:
-                values[k, j] = float(cell)
-            except ValueError:
-                values[k, j] = np.nan
-            if not np.isfinite(values[k, j]):
-                raise AnalysisError(
-                    f"{path.name}, line {line}: {head[j]} is '{cell}', not a finite number."
-                )
-    return values[:, 0], dict(zip(head[1:], values[:, 1:].T, strict=True))
+def _waypoints(table: NumberTable) -> tuple[Floats, dict[str, Floats]]:
+    """Returns times and angles by joint from a table with a column ``time``."""
+    first = table.names[0] if table.names else ""
+    if first not in ("time", "t") or len(table.names) < 2:
+        raise AnalysisError(f"{table.name}: its first line must be time,joint1_pitch,… (s, rad).")
+    return table.column(first), {name: table.column(name) for name in table.names[1:]}
 
 
 def seconds(value: float | str | None) -> float | None:

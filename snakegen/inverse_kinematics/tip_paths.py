@@ -4,9 +4,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from snakegen.base.geometry import Floats
+from snakegen.base.number_table import read_number_table
 from snakegen.errors import AnalysisError
 from snakegen.inverse_kinematics.path_following import Port
 from snakegen.statics.joint_torques import finite
+
+XYZ = ("x", "y", "z")
 
 
 def circle(
@@ -67,13 +70,12 @@ def port_of(given: Port | str | None) -> Port | None:
 
 
 def checked_path(path: ArrayLike) -> Floats:
-    """Returns a path, or the CSV file of one, as (m, 3) m with m ≥ 2 finite points."""
+    """Returns a path, or the table of one, as (m, 3) m with m ≥ 2 finite points.
+
+    A file is a CSV, Parquet or YAML table of x, y, z; a CSV may leave its header out.
+    """
     if isinstance(path, str):
-        try:
-            path = np.loadtxt(path, delimiter=",", ndmin=2)
-        except (OSError, ValueError) as error:
-            why = str(error).rstrip(".")
-            raise AnalysisError(f"path: {why}; a CSV of x,y,z in metres is needed.") from None
+        path = read_number_table(path, XYZ).stack(XYZ)
     out = np.asarray(path, float)
     if out.ndim != 2 or out.shape[1] != 3 or len(out) < 2:
         given = " × ".join(map(str, out.shape))

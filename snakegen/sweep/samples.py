@@ -10,6 +10,7 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.base.memory import refuse_beyond
+from snakegen.base.number_table import NumberTable, read_number_table
 from snakegen.errors import AnalysisError, near
 from snakegen.robot.followers import refuse_followers
 from snakegen.robot.robot import Robot
@@ -163,45 +164,26 @@ def draw(kind: str, count: int, seed: int, low: Floats, high: Floats) -> Floats:
     return np.concatenate([rows for _, rows in sampling(kind, count, seed, low, high).blocks(4096)])
 
 
-def read_table(path: Path, joints: tuple[str, ...], low: Floats, high: Floats) -> Floats:
-    """Returns postures (m, k) from the columns `joints` of a CSV or Parquet file.
+def read_postures(path: Path, joints: tuple[str, ...], low: Floats, high: Floats) -> Floats:
+    """Returns postures (m, k) from the columns `joints` of a table.
 
     Raises:
-        AnalysisError: a file that cannot be read, no rows, a missing column, NaN, out of limits.
+        AnalysisError: as `read_number_table`, no rows, or an angle out of its joint's limits.
     """
-    import pyarrow as pa
-    import pyarrow.csv
-    import pyarrow.parquet
+    return postures_of(read_number_table(path), joints, low, high)
 
-    try:
-        if path.suffix.lower() == ".csv":
-            table = pyarrow.csv.read_csv(path)
-        else:
-            table = pyarrow.parquet.read_table(path)
-    except (OSError, pa.ArrowException) as error:
-        reason = str(error).splitlines()[0]
-        raise AnalysisError(f"{path}: cannot be read as CSV or Parquet ({reason}).") from None
-    missing = [n for n in joints if n not in table.column_names]
-    if missing:
-        raise AnalysisError(
-            f"{path.name} has no column '{missing[0]}'.{near(missing[0], table.column_names)} "
-            "Name the joints that it has with --joints."
-        )
-    for name in joints:
-        if table.column_names.count(name) > 1:
-            raise AnalysisError(f"{path.name} has the column '{name}' twice.")
-        kind = table[name].type
-        if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind)):
-            raise AnalysisError(f"{path.name}: column '{name}' holds {kind}, no angles in rad.")
-    if table.num_rows == 0:
-        raise AnalysisError(f"{path.name} has no rows.")
-    values = np.stack([np.asarray(table[n], dtype=float) for n in joints], axis=1)
-    bad = ~np.isfinite(values)
+
+def postures_of(table: NumberTable, joints: tuple[str, ...], low: Floats, high: Floats) -> Floats:
+    """Returns postures (m, k) from the columns `joints` of a table; errors as `read_postures`."""
+    if len(table) == 0:
+        raise AnalysisError(f"{table.name} has no rows.")
+    values = table.stack(joints)
     out = (values < low - 1e-9) | (values > high + 1e-9)
-    for what, mask in (("is not a number", bad), ("is outside the joint's limits", out)):
-        if mask.any():
-            row, column = np.argwhere(mask)[0]
-            raise AnalysisError(
-                f"{path.name}, row {row + 1}: {joints[column]} = {values[row, column]:g} {what}."
-            )
+    if out.any():
+        row, column = np.argwhere(out)[0]
+        name = joints[column]
+        raise AnalysisError(
+            f"{table.name}, {table.places[row]}: {name} = {values[row, column]:g} is outside the "
+            f"joint's limits {low[column]:g} … {high[column]:g}."
+        )
     return values

@@ -1,4 +1,4 @@
-"""Any motion of an arm, from a CSV table or a YAML file, by its servos and by inverse dynamics."""
+"""Any motion of an arm, from a table or a YAML file, by its servos and by inverse dynamics."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +16,7 @@ class Options(ArmOptions):
     """Options of mission `motion`.
 
     Attributes:
-        file: CSV (time,joint1_pitch,… in s and rad) or YAML (sines: or time:); needed
+        file: table (CSV, Parquet, YAML; header time,joint1_pitch,… in s and rad) or YAML of sines
         duration: s, instead of the file's own; sines alone
         ends: of a table: rest, or free for one that is cut out of a motion
     """

@@ -22,7 +22,8 @@ class Options(ArmOptions):
     """Options of mission `tip_path`.
 
     Attributes:
-        path: CSV of x,y,z [m] from the base origin, a row every dt; or as `reach` has it
+        path: table (CSV, Parquet, YAML) of x,y,z [m] from the base origin, a row
+            every dt; or as `reach` has it
         radius: m, of the circle
         depth: m, how far the tip goes in through the port
         duration: s, of the way in or once round the circle

@@ -26,7 +26,8 @@ class Options(ArmOptions):
     """Options of mission `tunnel`.
 
     Attributes:
-        path: CSV of x,y,z [m] from the base origin: the hole's centreline, mouth first
+        path: table (CSV, Parquet, YAML) of x,y,z [m] from the base origin: the
+            hole's centreline, mouth first
         mouth: x,y,z of a straight hole's mouth, m, in place of a path
         inwards: direction of that hole
         depth: m, of that hole
