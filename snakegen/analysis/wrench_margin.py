@@ -1,5 +1,6 @@
 """Feasible-wrench margins of both modes: how much a body resists, where it is weakest, and why."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,9 +9,12 @@ from snakegen.analysis.allocation import Allocation, allocation
 from snakegen.analysis.push_margins import DUAL_MODE, VIRTUAL_MODE, push_margins
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError, near
+from snakegen.picture.design_steps_chart import draw_steps
 from snakegen.robot.robot import Robot
+from snakegen.sensitivity.design_steps import design_steps
 from snakegen.statics.joint_loads import joint_loads
 from snakegen.wrench_margins.controller import thrust_controller, vectored_controller
+from snakegen.wrench_margins.design_steps import DesignSteps
 from snakegen.wrench_margins.failure import thrust_failures, vectored_failures
 from snakegen.wrench_margins.joint_limited_rotors import thrust_joint_limited
 from snakegen.wrench_margins.joint_limited_sets import sets_joint_limited
@@ -43,6 +47,8 @@ OPTIONS = {
     ],
     "mass_error": [0.0, "fraction: also the margins guaranteed for a mass this uncertain"],
     "thrust_error": [0.0, "fraction: the same for thrust limits"],
+    "sensitivity": [False, "add what small changes of the design do, and the best of them"],
+    "picture": ["", "file.png for the picture of --sensitivity"],
 }
 
 
@@ -60,6 +66,8 @@ def analyze(
     allocator: str = "paper",
     mass_error: float = 0.0,
     thrust_error: float = 0.0,
+    sensitivity: bool = False,
+    picture: str = "",
 ) -> Margins:
     """Returns the margins of THEORY A4 at q for both modes.
 
@@ -69,8 +77,13 @@ def analyze(
 
     Raises:
         DescriptionError: no such link.
-        AnalysisError: an error share outside 0…1, an unknown allocator.
+        AnalysisError: an error share outside 0…1, an unknown allocator, a picture without
+            sensitivity.
     """
+    if picture and not sensitivity:
+        raise AnalysisError("picture is of the sensitivities: ask for sensitivity too.")
+    if picture and not picture.endswith(".png"):
+        raise AnalysisError(f"picture '{picture}': the file's name must end in .png.")
     if allocator not in ALLOCATORS:
         raise AnalysisError(f"allocator '{allocator}' is unknown.{near(allocator, ALLOCATORS)}")
     for option, share in (("mass_error", mass_error), ("thrust_error", thrust_error)):
@@ -117,7 +130,17 @@ def analyze(
         push=_pushes(robot, q, a, link or robot.root_link, exact, tolerance),
         mode=str(robot.modules.control.get("mode", VIRTUAL_MODE)),
         allocator=allocator,
+        steps=_steps(robot, q, picture) if sensitivity else None,
     )
+
+
+def _steps(robot: Robot, q: Floats, picture: str) -> DesignSteps:
+    """Returns what small changes do in the mode that is flown, drawn if asked for."""
+    mode = str(robot.modules.control.get("mode", VIRTUAL_MODE))
+    steps = design_steps(robot, q, mode if robot.gimbal_names else DUAL_MODE)
+    if picture:
+        draw_steps(steps, robot.name, Path(picture))
+    return steps
 
 
 def _pushes(

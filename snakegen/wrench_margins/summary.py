@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.base.describe_motion import components
+from snakegen.wrench_margins.design_steps import DesignSteps
 from snakegen.wrench_margins.push_margin import LABELS, PushMargins
 
 OUT_OF_REACH = "hover is out of reach"
@@ -51,6 +52,7 @@ class Margins:
     push: dict[str, PushMargins]  # by mode
     mode: str  # that the robot flies in
     allocator: str  # `paper` or `constrained`: whose prediction is named
+    steps: DesignSteps | None = None  # small changes of the design, if asked for
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data for a program, with the units in which to read it."""
@@ -90,7 +92,10 @@ class Margins:
                 "push": "weakest disturbance on the robot, N and N m, of margin 1: its rotors "
                 "answer it with minus that",
             },
-        } | ({"failures": rows} if rows else {})
+        } | (
+            ({"failures": rows} if rows else {})
+            | ({} if self.steps is None else {"sensitivity": self.steps.to_json()})
+        )
 
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people."""
@@ -118,7 +123,7 @@ class Margins:
             if w < 0:
                 left = f"falls: hover is out of reach by {-w:.3g} (scaled)"
             out.append((f"without {part}", f"{_MODES[mode]}: {left}"))
-        return out
+        return out if self.steps is None else out + self.steps.rows()
 
     def _pushes(self, mode: str) -> list[tuple[str, str]]:
         found = self.push.get(mode)
