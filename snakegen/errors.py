@@ -30,6 +30,14 @@ class MissionError(SnakegenError):
     """A verification run that cannot start, or a mission file with a mistake."""
 
 
+class SceneError(SnakegenError):
+    """A scene file with a mistake: an obstacle, a start or a goal that cannot be read."""
+
+
+class PlanError(SnakegenError):
+    """A scene without a way for the robot, or a start or goal that it cannot hold."""
+
+
 class LogError(SnakegenError):
     """A recording that cannot be read or written."""
 

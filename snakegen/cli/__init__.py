@@ -30,6 +30,7 @@ _COMMANDS = {
     ),
     "build": ("snakegen.cli.build", "Make URDF, MJCF and picture of a robot, proven to agree."),
     "analyze": ("snakegen.cli.analyze", "Tell what a robot can do; fly, drive or move it."),
+    "plan": ("snakegen.cli.plan", "Plan a flight through a scene, certified at every instant."),
     "lint": ("snakegen.cli.lint", "List what is wrong or doubtful in a URDF or MJCF file."),
     "convert": ("snakegen.cli.convert", "Convert a URDF into MJCF, proven to be the same robot."),
     "compare": ("snakegen.cli.compare", "Tell whether two files describe the same robot."),

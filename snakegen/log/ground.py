@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.base.geometry import Floats, quaternion_xyzw
 from snakegen.log import style
 from snakegen.log.scene import Scene
 from snakegen.simulation.recording.recording import Recording
@@ -24,7 +25,9 @@ def log_ground(rec: Any, recording: Recording, view: Scene, columns: list[Any]) 
 def _obstacles(rec: Any, recording: Recording) -> None:
     import rerun as rr
 
-    boxes = recording.meta.get("obstacles") or []
+    solids = recording.meta.get("obstacles") or []
+    boxes = [one for one in solids if "half" in one]
+    _other_solids(rec, [one for one in solids if "half" not in one])
     if not boxes:
         return
     over = [box["centre"][2] + box["half"][2] > _LOW for box in boxes]
@@ -38,15 +41,53 @@ def _obstacles(rec: Any, recording: Recording) -> None:
                 rr.Boxes3D(
                     centers=[boxes[i]["centre"] for i in chosen],
                     half_sizes=[boxes[i]["half"] for i in chosen],
-                    rotation_axis_angles=[
-                        rr.RotationAxisAngle((1.0, 0.0, 0.0), rr.Angle(rad=boxes[i].get("roll", 0)))
-                        for i in chosen
-                    ],
+                    quaternions=[rr.Quaternion(xyzw=_attitude(boxes[i])) for i in chosen],
                     colors=[style.OBSTACLE],
                     fill_mode=getattr(rr.components.FillMode, mode),
                 ),
                 static=True,
             )
+
+
+def _attitude(box: dict[str, Any]) -> Floats:
+    """Returns the quaternion [x, y, z, w] of a box: its `rotation`, or its `roll` about x."""
+    if "rotation" in box:
+        return quaternion_xyzw(np.array(box["rotation"], float))
+    half = 0.5 * float(box.get("roll", 0.0))
+    return np.array([np.sin(half), 0.0, 0.0, np.cos(half)])
+
+
+def _other_solids(rec: Any, solids: list[dict[str, Any]]) -> None:
+    """Writes cylinders, balls and meshes; a half-space is drawn as a sheet of its face."""
+    import rerun as rr
+
+    colour = [style.OBSTACLE]
+    look: Any
+    cylinders = [one for one in solids if one.get("kind") == "cylinder"]
+    if cylinders:
+        look = rr.Cylinders3D(
+            lengths=[2.0 * one["size"][1] for one in cylinders],
+            radii=[one["size"][0] for one in cylinders],
+            centers=[one["centre"] for one in cylinders],
+            quaternions=[rr.Quaternion(xyzw=_attitude(one)) for one in cylinders],
+            colors=colour,
+        )
+        rec.log("world/obstacles/cylinders", look, static=True)
+    balls = [one for one in solids if one.get("kind") == "sphere"]
+    if balls:
+        look = rr.Points3D(
+            [one["centre"] for one in balls], radii=[one["size"][0] for one in balls], colors=colour
+        )
+        rec.log("world/obstacles/points", look, static=True)
+    for one in solids:
+        if one.get("kind") == "mesh":
+            corners = np.array(one["vertices"], float) @ np.array(one["rotation"], float).T
+            look = rr.Mesh3D(
+                vertex_positions=corners + np.array(one["centre"], float),
+                triangle_indices=one["faces"],
+                albedo_factor=(*style.OBSTACLE, 110),
+            )
+            rec.log(f"world/obstacles/{one['name']}", look, static=True)
 
 
 def _hole(rec: Any, recording: Recording) -> None:

@@ -146,3 +146,35 @@ def posture_line(robot: RobotBodies, q: ArrayLike) -> str:
 def neutral(robot: RobotBodies) -> Floats:
     """Returns the configuration with every joint at 0, or at its nearest angle within limits."""
     return resting(robot)
+
+
+def driven_joints(robot: Robot) -> list[str]:
+    """Returns the joints that shape the body and have a servo, in the tree's order."""
+    servos = {s.joint for s in robot.modules.servos}
+    return [n for n in robot.chain_joints if n in servos]
+
+
+def turning_rates(robot: Robot, names: Sequence[str]) -> Floats:
+    """Returns the URDF's velocity limits [rad/s] of the joints `names`; inf where it has none."""
+    at = [robot.model.joints[robot.model.getJointId(n)].idx_v for n in names]
+    limit = np.array(robot.model.upperVelocityLimit[at], float)
+    return np.where(limit > 0.0, limit, np.inf)
+
+
+def bent(robot: Robot, bend: float = BEND) -> Floats:
+    """Returns joint angles (k,) of a planar body: every yaw (else pitch) bent, within limits.
+
+    Up to four links bend one way. Longer bodies change side every two joints: headings run
+    0, b, 2b, b, 0 …, a wave that goes on along b and so neither closes on itself nor becomes
+    straight, however long.
+    """
+    names = driven_joints(robot)
+    low, high, _ = robot.limits(names)
+    kind = "_yaw" if any(n.endswith("_yaw") for n in names) else "_pitch"
+    out, turns = np.zeros(len(names)), 0
+    for i, name in enumerate(names):
+        if name.endswith(kind):
+            side = 1.0 if (turns // 2) % 2 == 0 or len(robot.modules.lengths) <= 4 else -1.0
+            out[i] = np.clip(side * bend, low[i], high[i])
+            turns += 1
+    return out

@@ -43,9 +43,18 @@ class Sources:
     unseen: Floats
 
 
-def sources(robot: Robot, controller: Controller, joints: Floats, what: Imperfections) -> Sources:
-    """Returns the sources of error of a level hover with the given joints (k,) [rad]."""
-    q = place(robot, joints, np.array([0.0, 0.0, 2.0]))
+def sources(
+    robot: Robot,
+    controller: Controller,
+    joints: Floats,
+    what: Imperfections,
+    rotation: Floats | None = None,
+) -> Sources:
+    """Returns the sources of error of a hover with the given joints (k,) [rad].
+
+    `rotation` (3, 3) is the root's attitude, level if absent: what turns takes an IMU's tilt along.
+    """
+    q = place(robot, joints, np.array([0.0, 0.0, 2.0]), rotation)
     base, origin = robot.base_pose(q)
     angles = robot.angles(q)
     a = allocation(robot, q)
@@ -81,11 +90,12 @@ def sources(robot: Robot, controller: Controller, joints: Floats, what: Imperfec
     )
 
 
-def postures(plan: Plan) -> Floats:
-    """Returns joint angles (m, k) of a few postures of a plan, its first one first."""
-    rows = plan.joints[plan.trim :]
-    unlike = np.abs(rows - rows[0]).max(initial=0.0) > 1e-6
-    return rows[np.linspace(0, len(rows) - 1, POSTURES).astype(int)] if unlike else rows[:1]
+def postures(plan: Plan) -> list[tuple[Floats, Floats]]:
+    """Returns joints (k,) and attitude (3, 3) of a few instants of a plan, its first one first."""
+    rows, turns = plan.joints[plan.trim :], plan.rotation[plan.trim :]
+    moves = np.abs(rows - rows[0]).max(initial=0.0) + np.abs(turns - turns[0]).max(initial=0.0)
+    at = np.linspace(0, len(rows) - 1, POSTURES).astype(int) if moves > 1e-6 else [0]
+    return [(rows[k], turns[k]) for k in at]
 
 
 def integral_limits(
@@ -99,8 +109,8 @@ def integral_limits(
     law = controller.law
     spread = np.max(
         [
-            np.linalg.norm(sources(robot, controller, joints, what).acceleration, axis=1)
-            for joints in postures(plan)
+            np.linalg.norm(sources(robot, controller, joints, what, turn).acceleration, axis=1)
+            for joints, turn in postures(plan)
         ],
         axis=0,
     )
@@ -126,7 +136,7 @@ def expected_errors(
     (`lags`); noise that dithers within a run is not in it.
     """
     law = controller.law
-    found = [sources(robot, controller, joints, what) for joints in postures(plan)]
+    found = [sources(robot, controller, joints, what, turn) for joints, turn in postures(plan)]
     gains = np.concatenate([law.force[0], law.torque[0]])
     integral = np.concatenate([law.force[1], law.torque[1]])
     duration = float(plan.time[-1] - plan.time[plan.trim]) or 1.0

@@ -54,6 +54,7 @@ TABLES: dict[tuple[str, str], tuple[str, tuple[float, ...]]] = {
         "Table 6",
         (0.036, 0.038, 0.017, 0.026, 0.033, 0.033),
     ),
+    ("plan", "virtual_single_rotor"): ("Table 6", (0.036, 0.038, 0.017, 0.026, 0.033, 0.033)),
     ("transform", "dual_rotor"): ("Table 4", (0.076, 0.180, 0.060, 0.033, 0.063, 0.062)),
     ("ascend", "dual_rotor"): ("5.2.1, ascent to 3 m", (0.099, 0.035, 0.058)),
 }

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from snakegen.base.geometry import Floats, rotation_from_xyzw
 from snakegen.errors import MissionError
+from snakegen.scene.solids import Solid
 
 PEAK_RATE = 15.0 / 8.0  # largest slope of the quintic below
 
@@ -55,12 +56,13 @@ class Plan:
         wind: (T, 3) m/s, world, beside the plant's own; None for none.
         turbulence: m/s, standard deviation of the air's, beside the plant's own.
         failures: rotors lost on the way.
-        obstacles: boxes in the world.
+        obstacles: solids in the world.
         give_up: m, distance of the CoG from its target at which the run ends.
         tracked: whether the flight is to follow its references undisturbed, and is judged so.
         trim: ticks of hover at the start, at times below the mission's 0, in which the integrals
             run faster (`trim.trimmed`).
         facts: what the mission wants in the log, as JSON.
+        kind: by which tracking is judged; the mission's name if empty.
         drawn: more of these facts by the thrust factors (n,) that the plant drew; None for none.
     """
 
@@ -83,11 +85,12 @@ class Plan:
     wind: Floats | None = None
     turbulence: float = 0.0
     failures: tuple[Failure, ...] = ()
-    obstacles: tuple[Box, ...] = ()
+    obstacles: tuple[Box | Solid, ...] = ()
     give_up: float = float("inf")
     tracked: bool = True
     trim: int = 0
     facts: dict[str, Any] = field(default_factory=dict)
+    kind: str = ""
     drawn: Callable[[Floats], dict[str, Any]] | None = None
 
 

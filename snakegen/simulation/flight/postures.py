@@ -1,6 +1,6 @@
 """Joint paths for missions, for any chain: bent where a straight body could not fly."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,8 +9,20 @@ import numpy as np
 from snakegen.base.geometry import Floats, quaternion_xyzw
 from snakegen.errors import MissionError
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
-from snakegen.robot.posture import hover_gimbals, set_angle
+from snakegen.robot.posture import bent, driven_joints, hover_gimbals, set_angle, turning_rates
 from snakegen.robot.robot import Robot
+
+__all__ = [
+    "PostureOption",
+    "bent",
+    "driven_joints",
+    "extent",
+    "place",
+    "resting_height",
+    "resting_joints",
+    "slim",
+    "turning_rates",
+]
 
 
 @dataclass(frozen=True)
@@ -22,41 +34,6 @@ class PostureOption:
     """
 
     posture: Mapping[str, Any] | None = None
-
-
-BEND = 1.0  # rad, of the yaw joints of a body at rest in the air
-
-
-def driven_joints(robot: Robot) -> list[str]:
-    """Returns the joints that shape the body and have a servo, in the tree's order."""
-    servos = {s.joint for s in robot.modules.servos}
-    return [n for n in robot.chain_joints if n in servos]
-
-
-def turning_rates(robot: Robot, names: Sequence[str]) -> Floats:
-    """Returns the URDF's velocity limits [rad/s] of the joints `names`; inf where it has none."""
-    at = [robot.model.joints[robot.model.getJointId(n)].idx_v for n in names]
-    limit = np.array(robot.model.upperVelocityLimit[at], float)
-    return np.where(limit > 0.0, limit, np.inf)
-
-
-def bent(robot: Robot, bend: float = BEND) -> Floats:
-    """Returns joint angles (k,) of a planar body: every yaw (else pitch) bent, within limits.
-
-    Up to four links bend one way. Longer bodies change side every two joints: headings run
-    0, b, 2b, b, 0 …, a wave that goes on along b and so neither closes on itself nor becomes
-    straight, however long.
-    """
-    names = driven_joints(robot)
-    low, high, _ = robot.limits(names)
-    kind = "_yaw" if any(n.endswith("_yaw") for n in names) else "_pitch"
-    out, turns = np.zeros(len(names)), 0
-    for i, name in enumerate(names):
-        if name.endswith(kind):
-            side = 1.0 if (turns // 2) % 2 == 0 or len(robot.modules.lengths) <= 4 else -1.0
-            out[i] = np.clip(side * bend, low[i], high[i])
-            turns += 1
-    return out
 
 
 def slim(robot: Robot, bend: float = 0.7) -> Floats:

@@ -18,6 +18,7 @@ from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections, draw
 from snakegen.simulation.flight.preflight import check_air, check_references, check_start
 from snakegen.simulation.flight.reference_limits import check_motion
+from snakegen.simulation.flight.scene_geoms import described
 from snakegen.simulation.flight.trim import SECONDS, TrimOption, trimmed
 from snakegen.simulation.flight.vibration import OFF, Damping, check_redundancy, hinges
 from snakegen.simulation.flight.world import World, make_world
@@ -200,7 +201,11 @@ def prepare(
     modes = ("dual_rotor", "virtual_single_rotor")
     if plan.tracked:
         bounds: dict[str, dict[str, Any] | None] = tracking_bounds(
-            robot, controller, plan, module.__name__.rsplit(".", 1)[-1], modes[controller.mode]
+            robot,
+            controller,
+            plan,
+            plan.kind or module.__name__.rsplit(".", 1)[-1],
+            modes[controller.mode],
         )
         plan = replace(plan, thresholds=bounds | plan.thresholds)
     damping = Damping.of(control)
@@ -226,7 +231,7 @@ def prepare(
         "planned_s": float(plan.time[-1]),
         "trim_s": plan.trim / rate,
         "facts": plan.facts,
-        "obstacles": [vars(b) for b in plan.obstacles],
+        "obstacles": [described(b) for b in plan.obstacles],
     }
     return Ready(
         robot,

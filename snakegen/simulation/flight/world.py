@@ -11,8 +11,10 @@ from snakegen.base.geometry import Floats, wxyz_from_xyzw, xyzw_from_wxyz
 from snakegen.description.mjcf.decorate import decorate
 from snakegen.description.mjcf.rolling_contact import meet_rollers
 from snakegen.robot.robot import Robot
+from snakegen.scene.solids import Solid
 from snakegen.simulation.flight.elastic import add_springs, split_links
 from snakegen.simulation.flight.plan import Box
+from snakegen.simulation.flight.scene_geoms import add_obstacle
 
 Ints = np.ndarray[Any, np.dtype[np.int64]]
 
@@ -82,7 +84,7 @@ def make_world(
     *,
     timestep: float = 0.001,
     floor: bool = True,
-    obstacles: Sequence[Box] = (),
+    obstacles: Sequence[Box | Solid] = (),
     link_stiffness: float = 0.0,
     link_damping: float = 0.0,
     motor_lag: bool = True,
@@ -94,7 +96,7 @@ def make_world(
         robot: any robot of the grammar.
         timestep: s.
         floor: whether there is ground at z = 0.
-        obstacles: boxes that stand in the way.
+        obstacles: solids that stand in the way.
         link_stiffness: N m/rad of a bending link; 0: links are rigid.
         link_damping: s, its damping over its stiffness.
         motor_lag: False: motors give at once what they are asked.
@@ -118,10 +120,8 @@ def make_world(
             spec.delete(sensor)
     if floor:
         _add_floor(spec)
-    for box in obstacles:
-        spec.worldbody.add_geom(
-            name=box.name, type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre, size=box.half
-        )
+    for one in obstacles:
+        add_obstacle(spec, one)
     if robot.modules.screws:
         meet_rollers(spec)
     model = spec.compile()

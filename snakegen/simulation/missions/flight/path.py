@@ -1,7 +1,8 @@
 """A path of one's own: a YAML file of waypoints of CoG pose and joints, flown with rests between.
 
 A waypoint is ``{time: 4.0, position: [0, 0, 1.5], rpy: [0, 0, 0.3], joints: {joint1_yaw: 0.5}}``;
-what it does not name stays as before. The robot starts at the first one.
+what it does not name stays as before. The robot starts at the first one. A plan of `snakegen plan`
+is such a file too: its spline is flown without rests, past the obstacles of its scene.
 """
 
 from dataclasses import dataclass
@@ -13,9 +14,11 @@ import numpy as np
 from snakegen.base import yaml_file
 from snakegen.base.geometry import Floats, rotation_from_rpy, unskew
 from snakegen.errors import MissionError, near
+from snakegen.planning.plan_file import is_plan
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.memory_check import refuse_too_long
 from snakegen.simulation.flight.plan import Plan, holding, through, ticks
+from snakegen.simulation.flight.planned import planned_flight
 from snakegen.simulation.flight.postures import driven_joints, place, resting_joints
 from snakegen.simulation.flight.trim import TrimOption
 
@@ -50,7 +53,11 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
     """
     if options.file is None:
         raise MissionError("mission 'path' needs a file: --mission my.yaml.")
-    knots, points = waypoints(robot, Path(str(options.file)))
+    path = Path(str(options.file))
+    data = yaml_file.read(path)
+    if is_plan(data):
+        return planned_flight(robot, data, path.name, rate, options.duration)
+    knots, points = waypoints(robot, path, data)
     seconds = float(knots[-1]) + 2.0 if options.duration is None else options.duration
     refuse_too_long(robot, seconds)
     time = ticks(seconds, rate)
@@ -70,9 +77,9 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
     )
 
 
-def waypoints(robot: Robot, path: Path) -> tuple[Floats, Floats]:
+def waypoints(robot: Robot, path: Path, data: Any = None) -> tuple[Floats, Floats]:
     """Returns times (m,) and rows (m, 6 + k): CoG [m], roll pitch yaw, joints [rad]."""
-    data = yaml_file.read(path)
+    data = yaml_file.read(path) if data is None else data
     listed = data.get("waypoints") if isinstance(data, dict) else None
     if not isinstance(listed, list) or not listed:
         raise MissionError(f"{path.name}: a mission is a mapping with a list of 'waypoints'.")

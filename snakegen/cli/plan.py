@@ -1,0 +1,131 @@
+"""`snakegen plan`: a certified motion of a flying body through a scene, as a mission file."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from snakegen.cli import HELP
+from snakegen.cli.options import (
+    Source,
+    at_least,
+    check_ending,
+    json_option,
+    note,
+    print_json,
+    robot_options,
+)
+
+_UNITS = {"clearance": "m", "self_clearance": "m", "force_margin": "N", "torque_margin": "N m"}
+
+
+@click.command(context_settings=HELP)
+@robot_options
+@click.argument("scene", metavar="SCENE.yaml", type=click.Path())
+@click.option("-o", "--out", metavar="PLAN.yaml", type=click.Path(), help="The plan to write.")
+@click.option(
+    "--seed", type=int, default=0, show_default=True, callback=at_least(0),
+    help="Of the search; the same seed gives the same plan.",
+)  # fmt: skip
+@click.option(
+    "--minutes", type=float, default=2.0, show_default=True, help="After which the search ends."
+)
+@click.option("--example", is_flag=True, help="Write a commented scene to SCENE.yaml instead.")
+@json_option
+def plan(
+    source: Source,
+    scene: str,
+    out: str | None,
+    seed: int,
+    minutes: float,
+    example: bool,
+    as_json: bool,
+) -> int:
+    """Plan a motion of ROBOT through a scene: link by link, hovering at every instant.
+
+    SCENE.yaml names obstacles, start, goal and demands; the name of a shipped scene (ceiling,
+    doorway, pipe, bent_pipe, two_openings) does too. Clearance and margins are proved between
+    waypoints. The plan is a mission file for `snakegen analyze flight`. Exit code 3 where no
+    motion could be certified: nothing is written then.
+
+    \b
+    Example:
+      snakegen plan dragon4 ceiling -o plan.yaml
+      snakegen plan dragon4 my.yaml --example
+    """
+    from snakegen.base.atomic_io import check_writable, write_atomically
+    from snakegen.errors import PlanError
+    from snakegen.planning.motion_search import search
+    from snakegen.planning.plan_file import PlanFile
+    from snakegen.scene.schema import read_scene
+
+    check_ending("-o", out, ".yaml", ".yml")
+    path = Path(scene)
+    if example:
+        check_ending("SCENE", scene, ".yaml", ".yml")
+        if path.exists():
+            raise PlanError(f"{scene}: is there already; name a new file for the example.")
+        write_atomically(path, _shipped()["ceiling"].read_text(encoding="utf-8"))
+        click.echo(path)
+        return 0
+    if not minutes > 0.0:
+        raise PlanError(f"--minutes {minutes:g}: more than 0 is needed.")
+    path = _shipped().get(scene, path)
+    target = Path(out) if out else Path(f"{path.stem}.plan.yaml")
+    robot = source.machine()
+    place = read_scene(path)
+    check_writable(target)
+    motion = search(robot, place, minutes=minutes, seed=seed, progress=None if as_json else note)
+    unmet = motion.unmet(place.demands)
+    file = PlanFile(
+        robot.name,
+        motion.body.names,
+        motion.path,
+        place.solids,
+        motion.certificate.to_json(),
+        vars(place.demands),
+    )
+    if not unmet:
+        file.write(target)
+    result = {
+        "robot": robot.name,
+        "scene": place.name,
+        "certified": not unmet,
+        "unmet": unmet,
+        "plan": None if unmet else str(target),
+        "duration_s": float(motion.path.times[-1]),
+        "waypoints": len(motion.path.times),
+        "seeds_tried": motion.tried,
+        "search_s": round(motion.seconds, 2),
+        "certificate": motion.certificate.to_json(),
+    }
+    if as_json:
+        print_json(result)
+    else:
+        _print(result, motion)
+    return 3 if unmet else 0
+
+
+def _print(result: dict[str, Any], motion: Any) -> None:
+    """Prints what was found and proved."""
+    click.echo(
+        f"{result['scene']}: a motion of {result['duration_s']:.1f} s for {result['robot']}, found "
+        f"in {result['search_s']:.1f} s ({result['seeds_tried']} seeds)"
+    )
+    for name, bound in motion.certificate.bounds().items():
+        between = f", {bound.between[0]} and {bound.between[1]}" if bound.between[0] else ""
+        click.echo(
+            f"  {name.replace('_', ' '):<15} ≥ {bound.lower:.4g} {_UNITS[name]} at every instant "
+            f"(least seen {bound.seen:.4g} at {bound.time:.2f} s{between})"
+        )
+    if result["certified"]:
+        click.echo(f"certified: {result['plan']}")
+    else:
+        click.echo(f"not certified: {'; '.join(result['unmet'])}; nothing was written")
+
+
+def _shipped() -> dict[str, Path]:
+    """Returns the scenes that come with snakegen, by name."""
+    from snakegen.spec.loading import templates_folder
+
+    return {p.stem: p for p in sorted((templates_folder() / "scenes").glob("*.yaml"))}

@@ -1,0 +1,1 @@
+"""Motion planning through scenes: seeds, trajectories in time, certificates between waypoints."""

@@ -1,0 +1,1 @@
+"""Scenes: obstacles, start, goal and demands of a motion, read from YAML."""

@@ -1,0 +1,89 @@
+"""Plans of `snakegen plan` as references of a flight: the spline of a mission file by ticks."""
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from snakegen.base.geometry import Floats
+from snakegen.errors import MissionError
+from snakegen.planning.body import attitude
+from snakegen.planning.plan_file import PlanFile, read_plan
+from snakegen.planning.trajectory import Trajectory
+from snakegen.robot.robot import Robot
+from snakegen.simulation.flight.memory_check import refuse_too_long
+from snakegen.simulation.flight.plan import Plan, ticks
+from snakegen.simulation.flight.postures import driven_joints, place
+
+HOLD = 2.0  # s, of hover before and after the motion
+SHARE = 0.5  # of the proved clearance that the flight must keep
+# Roll gimbals of steep links turn by 1/cos of the slope for the same noise, and a stiff servo gives
+# all it has for a jump of 0.03 rad: single ticks, more of them than of a level body.
+ROLL_TICKS = 0.05
+KIND = "plan"  # of the tracking bounds (`flight_bounds.TABLES`)
+
+
+def planned_flight(
+    robot: Robot, data: dict[str, Any], where: str, rate: float, duration: float | None
+) -> Plan:
+    """Returns the references of a plan's content: a hover, its motion, a hover.
+
+    Raises:
+        MissionError: joints that the robot does not have, or a plan that is too long.
+    """
+    file = read_plan(data, where)
+    names = driven_joints(robot)
+    if list(file.names) != names:
+        raise MissionError(
+            f"{where} is a plan for {file.robot} with joints {', '.join(file.names)}; {robot.name} "
+            f"has {', '.join(names)}."
+        )
+    end = float(file.path.times[-1])
+    seconds = 2.0 * HOLD + end if duration is None else duration
+    refuse_too_long(robot, seconds)
+    time = ticks(seconds, rate)
+    return follow(robot, file.path, time, time - HOLD, obstacles=file.solids, **_judged(file))
+
+
+def follow(robot: Robot, path: Trajectory, time: Floats, at: Floats, **more: Any) -> Plan:
+    """Returns references along `path`, at its own times `at` (T,) for the plan's `time` (T,)."""
+    pose, speed, bend = path.at(at), path.at(at, 1), path.at(at, 2)
+    first, turn = pose[0], attitude(np.zeros(3), path.heading).T  # from exp(r)'s axes to the link's
+    return Plan(
+        time,
+        pose[:, :3],
+        speed[:, :3],
+        bend[:, :3],
+        np.array([attitude(r, path.heading) for r in pose[:, 3:6]]),
+        np.array(
+            [turn @ (pin.Jexp3(r) @ d) for r, d in zip(pose[:, 3:6], speed[:, 3:6], strict=True)]
+        ),
+        pose[:, 6:],
+        place(robot, first[6:], first[:3], attitude(first[3:6], path.heading)),
+        **more,
+    )
+
+
+def _judged(file: PlanFile) -> dict[str, Any]:
+    """Returns events, facts and thresholds of a plan's flight."""
+    end = float(file.path.times[-1])
+    events = [(HOLD, "motion begins"), (HOLD + end, "motion ends")]
+    facts: dict[str, Any] = {"planned_motion_s": end}
+    thresholds: dict[str, dict[str, Any] | None] = {
+        "gimbal_torque_limit_share": {"at_most": ROLL_TICKS, "channel": "gimbal_torque"}
+    }
+    proved = file.certificate or {}
+    if proved and file.solids:
+        facts["certificate"] = proved
+        for key, found in proved.items():
+            if isinstance(found, dict):
+                name = key.rpartition("_")[0].replace("_", " ")
+                events.append((HOLD + float(found["time_s"]), f"least {name} of the plan"))
+        least = float(proved["clearance_m"]["lower_bound"])
+        thresholds["min_obstacle_distance_m"] = {"at_least": round(SHARE * least, 6)}
+    return {
+        "events": tuple(sorted(events)),
+        "facts": facts,
+        "thresholds": thresholds,
+        "kind": KIND,
+    }

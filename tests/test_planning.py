@@ -1,0 +1,240 @@
+"""Scenes and certified motions: bounds against dense sampling, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from snakegen.errors import PlanError, SceneError
+from snakegen.planning.body import PlannedBody
+from snakegen.planning.certificate import Certificate, certify
+from snakegen.planning.follow import Chain, pose_of
+from snakegen.planning.plan_file import PlanFile, read_plan
+from snakegen.planning.timing import rates_of, timed
+from snakegen.planning.trajectory import Trajectory
+from snakegen.robot.robot import Robot, load
+from snakegen.scene.schema import Demands, read_scene
+from snakegen.scene.solids import Solid, from_json
+from snakegen.simulation.flight.postures import bent, place
+
+TURN = pin.utils.rpyToMatrix(0.0, 0.0, 1.0)
+SOLIDS = (
+    Solid("plate", "box", np.array([0.1, 0.0, 0.75]), TURN, (0.4, 0.5, 0.02)),
+    Solid("post", "cylinder", np.array([-0.9, 0.4, 1.0]), np.eye(3), (0.05, 1.0)),
+    Solid("ground", "half_space", np.zeros(3)),
+)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load("dragon4")
+
+
+@pytest.fixture(scope="module")
+def body(robot: Robot) -> PlannedBody:
+    return PlannedBody(robot, SOLIDS)
+
+
+@pytest.fixture(scope="module")
+def path(body: PlannedBody) -> Trajectory:
+    """A motion that turns, bends and passes a vertical link."""
+    rng = np.random.default_rng(3)
+    poses = np.zeros((5, 12))
+    poses[:, 2] = 1.3
+    poses[:, :3] += rng.uniform(-0.1, 0.1, (5, 3))
+    poses[:, 3:6] = np.cumsum(rng.uniform(-0.4, 0.4, (5, 3)), axis=0)
+    poses[:, 6:] = bent(body.robot) + rng.uniform(-0.5, 0.5, (5, 6))
+    return timed(poses, rates_of(body, Demands()))
+
+
+def sampled(body: PlannedBody, path: Trajectory, count: int) -> dict[str, float]:
+    """Returns the least of each quantity at evenly spaced instants."""
+    outer, clear, own, points = body.shapes.outer, np.inf, np.inf, []
+    for t in np.linspace(0.0, path.times[-1], count):
+        now = body.at_pose(path.at(t))
+        found = body.distances(now.q)
+        clear = min(clear, found[:outer].min() - now.slack)
+        own = min(own, found[outer:].min())
+        points.append(now.points)
+    force, torque = body.margins(np.array(points), 1e-3)
+    return {
+        "clearance": clear,
+        "self_clearance": own,
+        "force_margin": float(force.min()),
+        "torque_margin": float(torque.min()),
+    }
+
+
+@pytest.fixture(scope="module")
+def certificate(body: PlannedBody, path: Trajectory) -> Certificate:
+    return certify(body, path, most=6000)
+
+
+def test_bounds_hold_at_every_sample(
+    body: PlannedBody, path: Trajectory, certificate: Certificate
+) -> None:
+    found = sampled(body, path, 1500)
+    for name, bound in certificate.bounds().items():
+        assert bound.lower <= found[name], name
+        assert bound.lower <= bound.seen, name
+    assert certificate.clearance.closed
+    assert found["clearance"] - certificate.clearance.lower < 3e-3  # and they are no idle ones
+
+
+def test_a_middle_alone_is_no_bound(body: PlannedBody, path: Trajectory) -> None:
+    """The least value at a few instants lies above what is proved: bisection is needed."""
+    few = sampled(body, path, 5)
+    assert few["clearance"] > sampled(body, path, 400)["clearance"] + 1e-4
+
+
+def test_swing_covers_each_piece(path: Trajectory) -> None:
+    rng = np.random.default_rng(0)
+    for start, end in path.pieces():
+        a, b = np.sort(rng.uniform(start, end, 2))
+        middle, swing = path.swing(a, b)
+        away = np.abs(path.at(np.linspace(a, b, 50)) - middle)
+        assert np.all(away[:, 6:] <= swing.joints + 1e-12)
+        assert np.linalg.norm(away[:, :3], axis=1).max() <= swing.shift + 1e-12
+
+
+def test_reach_bounds_displacements(body: PlannedBody) -> None:
+    """Points of shapes and thrust points move no more than Σ κ |Δq| from the CoG."""
+    rng = np.random.default_rng(1)
+    reach, shapes = body.reach, body.shapes
+    for _ in range(50):
+        pose = np.concatenate([[0, 0, 2.0], rng.normal(0, 1, 3), rng.uniform(-1.2, 1.2, 6)])
+        other = pose.copy()
+        other[6:] += rng.normal(0, 0.3, 6)
+        seen = []
+        for x in (pose, other):
+            now = body.at_pose(x)
+            at = [
+                body.data.oMi[j].act(c) for j, c in zip(shapes.joints, shapes.centres, strict=True)
+            ]
+            seen.append((np.array(at), now.points))
+        turn = np.abs(other[6:] - pose[6:])
+        moved = np.linalg.norm(seen[0][0] - seen[1][0], axis=1)
+        assert np.all(moved <= reach.shapes @ turn + 1e-9)
+        moved = np.linalg.norm(seen[0][1] - seen[1][1], axis=1)
+        assert np.all(moved <= reach.points @ turn + 1e-9)
+
+
+def test_the_body_is_where_hovering_gimbals_put_it(robot: Robot, body: PlannedBody) -> None:
+    rng = np.random.default_rng(2)
+    looked = 0
+    pitches = [robot.joint_names.index(a.pitch) for a in robot.modules.apparatuses]
+    for _ in range(20):
+        pose = np.concatenate([[0, 0, 2.0], rng.normal(0, 0.6, 3), rng.uniform(-1.2, 1.2, 6)])
+        now = body.turned(0.7).at_pose(pose)
+        q = place(robot, pose[6:], pose[:3], body.turned(0.7).attitude(pose[3:6]))
+        if np.abs(robot.angles(q)[pitches]).max() < 0.5 * np.pi:
+            looked += 1
+            assert np.linalg.norm(q[:3] - now.q[:3]) <= now.slack + 1e-9
+    assert looked > 5
+
+
+def test_rates_keep_their_limits(body: PlannedBody, path: Trajectory) -> None:
+    t = np.linspace(0.0, path.times[-1], 5000)
+    rates = rates_of(body, Demands())
+    speed, bend = path.at(t, 1), path.at(t, 2)
+    assert np.abs(speed[:, 6:]).max() <= 0.31 * 1.02
+    assert np.linalg.norm(speed[:, :3], axis=1).max() <= rates.speed * 1.02
+    assert np.abs(bend[:, 6:]).max() <= rates.acceleration[2] * 1.05
+
+
+def test_links_follow_their_nodes(body: PlannedBody, robot: Robot) -> None:
+    chain = Chain(body)
+    q = body.neutral.copy()
+    q[body.at] = bent(robot)
+    nodes = chain.line(q)[::-1] + np.array([0.02, 0.01, 0.0])
+    found, miss = chain.fit(nodes, q)
+    assert miss < 1e-3
+    assert np.allclose(pose_of(body, found)[:2] - pose_of(body, q)[:2], [0.02, 0.01], atol=1e-3)
+
+
+def test_a_plan_survives_its_file(body: PlannedBody, path: Trajectory) -> None:
+    from snakegen.base import yaml_file
+
+    file = PlanFile("dragon4", body.names, path, SOLIDS, None, vars(Demands()))
+    again = read_plan(yaml_file.parse(file.to_text(), "plan"), "plan")
+    assert np.array_equal(again.path.poses, path.poses)
+    assert np.array_equal(again.path.times, path.times)
+    assert [s.name for s in again.solids] == [s.name for s in SOLIDS]
+    with pytest.raises(PlanError, match="waypoint 2: time: 1 finite"):
+        data = yaml_file.parse(file.to_text(), "plan")
+        data["waypoints"][1]["time"] = "soon"
+        read_plan(data, "plan")
+
+
+def test_coal_and_solids_agree() -> None:
+    import coal
+
+    rng = np.random.default_rng(4)
+    ball = coal.Sphere(1e-6)
+    for solid in SOLIDS:
+        again = from_json(solid.to_json())
+        points = rng.uniform(-1.5, 1.5, (40, 3))
+        for point, expected in zip(points, again.distances(points), strict=True):
+            if expected > 1e-3:
+                there = coal.Transform3s(solid.rotation, solid.centre)
+                here = coal.Transform3s(np.eye(3), point)
+                result = coal.DistanceResult()
+                found = coal.distance(
+                    solid.shape(), there, ball, here, coal.DistanceRequest(), result
+                )
+                assert found == pytest.approx(expected, abs=2e-5)
+
+
+REFUSED = [
+    ("obstacles: [{size: [1, 1, 1]}]", "obstacle 1: centre: 3 finite numbers"),
+    ("obstacles: [{kind: bx}]", "Did you mean 'box'"),
+    ("obstacles: [{centre: [0, 0, 1500], size: [3000, 3000, 40]}]", "divide by 1000"),
+    ("obstacles: [{centre: [0, 0, 0], size: [0.003, 0.003, 0.001]}]", "multiplied by 1000"),
+    (
+        "obstacles: [{centre: [0, 0, 1], size: [1, 1, 0.1], openings: [{size: [2, 1]}]}]",
+        "reaches beyond the plate",
+    ),
+    ("obstacles: []\nstart: {above: roof}", "no opening 'roof'"),
+    ("obstacles: [{kind: mesh, file: none.stl}]", "none.stl is not there"),
+    ("obstacles: []\ndemands: {clearence: 1}", "Did you mean 'clearance'"),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), REFUSED, ids=[m for _, m in REFUSED])
+def test_scenes_are_refused_in_words(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "scene.yaml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(SceneError, match=message):
+        read_scene(file)
+
+
+def test_an_open_mesh_is_refused(tmp_path: Path) -> None:
+    import trimesh
+
+    mesh = trimesh.creation.box((0.4, 0.4, 0.4))
+    mesh.update_faces(np.arange(len(mesh.faces)) > 0)
+    mesh.export(tmp_path / "open.stl")
+    file = tmp_path / "scene.yaml"
+    file.write_text("obstacles: [{kind: mesh, file: open.stl}]", encoding="utf-8")
+    with pytest.raises(SceneError, match=r"open\.stl is not closed: 3 of 18 edges"):
+        read_scene(file)
+
+
+def test_a_cloud_becomes_balls_that_hold_it(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    points = rng.uniform(0.0, 1.0, (20_000, 3))
+    np.savetxt(tmp_path / "scan.csv", points, delimiter=",", header="x,y,z", comments="")
+    file = tmp_path / "scene.yaml"
+    file.write_text("obstacles: [{kind: points, file: scan.csv, radius: 0.02}]", encoding="utf-8")
+    balls = [s for s in read_scene(file).solids if s.kind == "sphere"]
+    assert len(balls) <= 2000
+    centres, radius = np.array([b.centre for b in balls]), balls[0].size[0]
+    away = np.linalg.norm(points[:200, None] - centres[None], axis=2).min(axis=1)
+    assert np.all(away + 0.02 <= radius + 1e-9)
+
+
+def test_robots_that_cannot_be_planned_for_say_why() -> None:
+    for name, why in (("arm6", "does not fly"), ("dragon3", "dual-rotor mode")):
+        with pytest.raises(PlanError, match=why):
+            PlannedBody(load(name))
