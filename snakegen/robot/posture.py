@@ -1,6 +1,6 @@
 """Postures: read from files, and completed with the gimbal angles of a hover."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from snakegen.robot.gimbal_geometry import mounts, point_thrust, thrust_line
 from snakegen.robot.kinematics import centre_of_gravity, forward
 
 SHOWN = 5e-4  # rad: what three digits show
+BEND = 1.0  # rad, of the yaw joints of a body at rest in the air
 
 
 def read_posture(path: Path) -> dict[str, Any]:
@@ -148,20 +149,20 @@ def neutral(robot: RobotBodies) -> Floats:
     return resting(robot)
 
 
-def driven_joints(robot: Robot) -> list[str]:
+def driven_joints(robot: RobotBodies) -> list[str]:
     """Returns the joints that shape the body and have a servo, in the tree's order."""
     servos = {s.joint for s in robot.modules.servos}
     return [n for n in robot.chain_joints if n in servos]
 
 
-def turning_rates(robot: Robot, names: Sequence[str]) -> Floats:
+def turning_rates(robot: RobotBodies, names: Sequence[str]) -> Floats:
     """Returns the URDF's velocity limits [rad/s] of the joints `names`; inf where it has none."""
     at = [robot.model.joints[robot.model.getJointId(n)].idx_v for n in names]
     limit = np.array(robot.model.upperVelocityLimit[at], float)
     return np.where(limit > 0.0, limit, np.inf)
 
 
-def bent(robot: Robot, bend: float = BEND) -> Floats:
+def bent(robot: RobotBodies, bend: float = BEND) -> Floats:
     """Returns joint angles (k,) of a planar body: every yaw (else pitch) bent, within limits.
 
     Up to four links bend one way. Longer bodies change side every two joints: headings run
