@@ -13,7 +13,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c "$(NEW_ENOUGH)" 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test processors check format generated bench stress speed fuzz wheel clean
+.PHONY: help demo test processors check format generated docs bench stress speed fuzz wheel clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*##' $(firstword $(MAKEFILE_LIST)) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -41,6 +41,11 @@ $(VENV)/bench.stamp: $(VENV)/dev.stamp
 
 demo: $(VENV)/runtime.stamp ## build dragon4, analyse it, fly it; ends with the verdict
 	$(BIN)/snakegen demo -o $(OUT)
+
+$(VENV)/docs.stamp: $(VENV)/dev.stamp
+	@echo "installing what the documentation is built with, once" >&2
+	@$(BIN)/pip install -qq --disable-pip-version-check -e '.[docs]'
+	@touch $@
 
 # The kernels that most tests share are compiled first, each once, not by both workers at a time.
 test: $(VENV)/dev.stamp ## run the tests
@@ -90,6 +95,11 @@ bench: $(VENV)/bench.stamp ## run the benchmarks, each against its rival
 stress: $(VENV)/dev.stamp ## kills, full disks, damage and Ctrl-C: KILLS cases each (50)
 	$(BIN)/python -m pytest -m slow tests/test_sweep_storage.py tests/test_journal.py
 	$(BIN)/python benchmarks/stress.py --kills $(KILLS)
+
+docs: $(VENV)/docs.stamp ## build the documentation into out/site and run every command it shows
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	$(BIN)/python -m pytest -n 2 -m slow tests/test_docs.py
+	@echo "read it: $(BIN)/python -m http.server -b 127.0.0.1 -d out/site 8000"
 
 speed: $(VENV)/bench.stamp ## measure the table of speeds and put it into README.md
 	$(BIN)/python benchmarks/readme.py
