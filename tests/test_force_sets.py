@@ -118,6 +118,44 @@ def test_a_tricopter_that_cannot_hover_level_says_so():
     assert m.rank == 4 and m.closed and not m.feasible and m.wrench < 0 and np.isnan(m.force)
 
 
+def test_a_tricopter_hovers_with_the_tilt_that_is_printed():
+    """That the tail's drag and side force take: one angle of roll, from two equations by hand."""
+    robot = snakegen.load(DATA / "tricopter.urdf", modules=DATA / "tricopter.modules.yaml")
+    found = wrench_margin.analyze(robot, robot.configuration()).obstacles
+    turned = {"base_rpy": found.rpy, "tail_servo": np.arctan2(*(-1, 1) * found.forces[2, 1:])}
+    a = allocation(robot, robot.configuration(turned))
+    thrust = np.linalg.norm(found.forces, axis=1)
+    assert np.abs(a.dual @ thrust - a.hover_wrench).max() < 1e-5
+    assert (thrust < 8.0).all() and found.tilt == pytest.approx(0.01996, abs=2e-5)
+    # only the tail pushes sideways, which tilts the body; its arm bears the rotors' drag in yaw
+    assert found.forces[2, 1] / 12.2625 == pytest.approx(np.sin(found.tilt), rel=1e-6)
+    drag = 0.016 * found.forces[:, 2] @ [1, -1, 1]
+    assert np.cross(a.thrust_points, found.forces)[:, 2].sum() == pytest.approx(-drag, abs=1e-6)
+
+
+@pytest.mark.parametrize("limits", [(), ("roll_limit=0.5", "pitch_limit=0.5")])
+def test_a_straight_body_that_is_too_heavy_is_out_of_reach(limits):
+    fields = [f"vectoring_apparatus.{f}" for f in ("thrust_max=2", *limits)]
+    robot = snakegen.load(load_spec("dragon4", overrides=fields))
+    m = margins_at(robot, robot.configuration(), wrench_starts=0)
+    assert m.rank == 5 and not m.feasible and np.isnan(m.force)
+    assert m.wrench == pytest.approx(16.0 / robot.force_scale - 1.0, rel=1e-6)
+    page = wrench_margin.analyze(robot, robot.configuration(), mass_error=0.1)
+    text = " ".join(value for _, value in page.rows())
+    assert "too heavy: all thrusts at their largest add up to 16 N" in text and "nan" not in text
+
+
+def test_the_gimbals_in_the_way_of_hover_are_named():
+    fields = [f"vectoring_apparatus.{k}_limit=0.05" for k in ("roll", "pitch")]
+    robot = snakegen.load(load_spec("dragon4", overrides=fields))
+    leaning = {"base_rpy": (0.3, 0.0, 0.0), "joint1_yaw": 1.0, "joint3_yaw": 1.0}
+    page = wrench_margin.analyze(robot, robot.configuration(leaning))
+    assert (
+        "gimbal1_roll" in page.obstacles.gimbals and "gimbal1_pitch" not in page.obstacles.gimbals
+    )
+    assert 0.2 < page.obstacles.tilt < 0.3  # back towards level, by what the limits do not allow
+
+
 def test_narrow_gimbals_of_a_chain():
     """An independent linear program over sampled forces allows 4.66 N."""
     narrow = [f"vectoring_apparatus.{k}_limit=0.05" for k in ("roll", "pitch")]
@@ -184,13 +222,15 @@ def test_bounds_of_random_bodies_against_sequential_quadratic_programs():
     rng, checked = np.random.default_rng(3), 0
     while checked < 2:
         sets, hover = fuzz.random_body(rng)
+        if len(sets) > 4:  # slow to search
+            continue
         scale = {"force_scale": np.linalg.norm(hover), "torque_scale": 8.0}
         m = set_margins(sets, hover, wrench_starts=0, **scale)
         if m.feasible and m.force > 0.0:
-            assert fuzz.check(np.random.default_rng(checked), sets, m, 200) == []
+            assert fuzz.check(checked, sets, m, 60) == []
             checked += 1
     false = replace(m, bounds=m.bounds * 1.3)  # the check sees bounds that are too high
-    assert fuzz.check(rng, sets, false, 20) != []
+    assert fuzz.check(0, sets, false, 2) != []
 
 
 def test_every_margin_of_the_page_falls_with_the_gimbals():

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.analysis.allocation import Allocation, allocation
+from snakegen.analysis.hover_obstacles import hover_obstacles
 from snakegen.analysis.push_margins import DUAL_MODE, VIRTUAL_MODE, push_margins
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError, near
@@ -100,13 +101,16 @@ def analyze(
         "dual_rotor": _slices(thrust_controller(a.dual, low, high, a.hover_wrench, **scale))
     }
     vectored: dict[str, Weakest] = {}
-    closed, exact = False, dict[str, Any]({DUAL_MODE: dual})
+    closed, exact, obstacles = False, dict[str, Any]({DUAL_MODE: dual}), None
     if robot.gimbal_names:
         free: dict[str, Any] = {"drag": a.drag} | scale
         sets = robot.force_sets(q)
         v = set_margins(sets, a.hover_wrench, tolerance=tolerance, **scale)
         closed, exact[VIRTUAL_MODE] = bool(v.closed), v
         vectored = {n: _weakest(v, n, units) for n in ("wrench", "force", "torque")}
+        if not v.feasible:
+            missing = np.nan_to_num(vectored["wrench"].direction) * -float(v.wrench_bounds[1])
+            obstacles = hover_obstacles(robot, q, a.hover_wrench, missing)
         controller["virtual_single_rotor"] = _slices(
             vectored_controller(
                 a.thrust_points,
@@ -131,6 +135,7 @@ def analyze(
         mode=str(robot.modules.control.get("mode", VIRTUAL_MODE)),
         allocator=allocator,
         steps=_steps(robot, q, picture) if sensitivity else None,
+        obstacles=obstacles,
     )
 
 

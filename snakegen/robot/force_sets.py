@@ -150,3 +150,21 @@ def gimbals_in_the_way(robot: RobotBodies, sets: ForceSets, up: Floats) -> tuple
             if 1e-9 < past < 2.0 * np.pi - 1e-9:
                 out.append(robot.joint_names[body - 1])
     return tuple(out)
+
+
+def fixed_rotors_in_the_way(robot: RobotBodies, sets: ForceSets, up: Floats) -> tuple[str, ...]:
+    """Returns the links of rotors that no gimbal turns and whose thrust is not along `up`.
+
+    Args:
+        robot: whose sets they are.
+        sets: of a posture.
+        up: (3,) unit, CoG axes.
+    """
+    out: list[str] = []
+    for j, apparatus in enumerate(robot.modules.apparatuses):
+        if apparatus.roll is None and apparatus.pitch is None:
+            axis = sets.frames[j][:, 2]
+            along = float(axis @ up)
+            if (abs(along) if sets.low[j] < 0.0 else along) < 1.0 - SQUARE:
+                out += [rotor.link for rotor in apparatus.rotors]
+    return tuple(out)

@@ -2,9 +2,9 @@
 
 From below: the sphere of directions is split into triangles, each covered from hover outwards
 by products of convex pieces: one that holds hover and the wrenches it reaches along three corners
-holds the simplex between, one that begins within what is covered goes on from there. From above: a
-margin is no more than the reach along one ray, and that no more than the farthest of the hulls of
-parts that the sets are split into.
+holds the simplex between, one that begins within what is covered goes on from there. Where products
+near those known do not reach, forces of the sets that give a wrench farther out are searched for
+and the pieces about them are added. From above: see `excluded_wrenches`.
 """
 
 import heapq
@@ -16,17 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.kernels.margins.convex_pieces import pieces_into
-from snakegen.kernels.margins.force_sets import PATCH, Sets
+from snakegen.kernels.margins.force_sets import Sets
 from snakegen.kernels.margins.limited_margins import empty_pieces, ray
+from snakegen.kernels.margins.settle_forces import settle, wrench_inverse
 from snakegen.kernels.margins.slice_program import maximise, new_basis, start
+from snakegen.wrench_margins.excluded_wrenches import ENOUGH, GAP, lower_upper
 from snakegen.wrench_margins.force_sets import patch_row
+from snakegen.wrench_margins.triangle import triangle_distance
 
 Floats = NDArray[np.float64]
-RAYS = 8000  # of one slice from below: up to half a second
-PARTS = 40  # of the sets from above, along one ray
-GAP = 1e-4  # relative, of one ray
-ENOUGH = 3e-3  # relative gap at which branching stops
+RAYS = 12000  # of one slice from below: up to two seconds
 HELD = 1e-9  # scaled, by which hover may be missed
+SETTLE = 200  # projections on the way to forces that give a wrench
+HELD_FORCES = 1e-7  # scaled, by which those may miss it
+SHRUNK = (0.1, 0.02, 0.0)  # of the sets' ranges, within which those are looked for first
+# share of the way to the upper bound at which forces are looked for; random forces to begin with
+NARROW = 0.3  # widest side of a triangle for which random forces are tried
+SEARCHES = ((0.02, 0), (0.3, 0), (1.0, 0), (0.002, 0), (0.02, 2), (0.002, 2))
 
 
 @dataclass(eq=False)
@@ -38,13 +44,23 @@ class Pool:
     part: slice
     products: list[Sets] = field(default_factory=list)
     known: dict[tuple[int, bytes], tuple[float, Floats]] = field(default_factory=dict)
+    beside: dict[bytes, set[int]] = field(default_factory=dict)
     rays: int = 0
 
+    def __post_init__(self) -> None:
+        self.inverse = wrench_inverse(self.hull)
+        self.rng = np.random.default_rng(0)
+        self.inner = [_shrunk(self.hull, share) for share in SHRUNK]
+
     def reach(self, index: int, e: Floats) -> tuple[float, Floats]:
-        """Returns (t, forces): how far product `index` reaches along e (3,), -inf where not."""
+        """Returns (t, forces): how far product `index` reaches along e (3,), -inf where not.
+
+        Product -1 is the hull.
+        """
         key = (index, e.tobytes())
         if key not in self.known:
-            self.known[key] = self._shoot(self.products[index], e)
+            sets = self.products[index] if index >= 0 else self.hull
+            self.known[key] = self._shoot(sets, e)
         return self.known[key]
 
     def span(self, index: int, e: Floats) -> tuple[float, float]:
@@ -82,15 +98,36 @@ class Pool:
                 break
         return met
 
+    def settled(self, index: int, e: Floats, t: float, starts: int) -> set[int]:
+        """Adds products near forces of the sets that give ``hover + t e``, if some are met.
+
+        Begins with those of product `index` and the hull, or with `starts` random ones.
+        """
+        target = self.hover.copy()
+        target[self.part] += t * e
+        first = [self.reach(index, e)[1], self.reach(-1, e)[1]]
+        if starts:
+            shape = (starts, self.hull.faces.size, 3)
+            first = [*(self.hull.high[:, None] * self.rng.normal(size=shape))]
+        out = set[int]()
+        for sets in self.inner:
+            for forces in first:
+                near = forces.copy()
+                if settle(target, sets, self.inverse, SETTLE, near) < HELD_FORCES:
+                    out.add(self.add(near, e))
+            if out:
+                break
+        return out - {-1}
+
     def jump(self, e: Floats) -> set[int]:
         """Adds the product near the forces whose mixture reaches farthest along e."""
-        return {self.add(self._shoot(self.hull, e)[1], e)} - {-1}
+        return {self.add(self.reach(-1, e)[1], e)} - {-1}
 
 
 def holding_anchors(
     hull: Sets, hover: Floats, first: list[Floats], tries: int = 12
 ) -> list[Floats]:
-    """Returns forces (n, 3) whose convex pieces hold hover: moved to the forces that pieces gave.
+    """Returns forces (n, 3) whose convex pieces hold hover: near ones that give it, if found.
 
     Args:
         hull: the sets.
@@ -98,11 +135,17 @@ def holding_anchors(
         first: forces to begin with; random ones follow.
         tries: starts.
     """
-    rng, out = np.random.default_rng(0), []
+    rng, out, inverse = np.random.default_rng(0), [], wrench_inverse(hull)
+    inner = [_shrunk(hull, share) for share in SHRUNK]
     n = hull.faces.size
     sets, twist, free = empty_pieces(hull), np.empty(6), np.zeros(6)
     for k in range(tries):
         near = first[k].copy() if k < len(first) else rng.normal(size=(n, 3)) + 2.0 * hover[:3]
+        for inside in inner:
+            trial = near.copy()
+            if settle(hover, inside, inverse, SETTLE, trial) < HELD_FORCES:
+                near = trial
+                break
         for _ in range(8):
             pieces_into(near, hull, sets)
             basis, forces = new_basis(6, n), np.empty((n, 3))
@@ -121,14 +164,14 @@ def holding_anchors(
 def raise_lower(
     hull: Sets, hover: Floats, part: slice, anchors: list[Floats], bounds: Floats
 ) -> Floats:
-    """Raises the lower one of a slice's `bounds` (2,); returns the direction (3,) of its limit."""
+    """Raises the lower one of a slice's `bounds` (2,); returns directions (k, 3) of its limit."""
     pool = Pool(hull, hover, part)
     axes = np.vstack([np.eye(3), -np.eye(3)])
     for anchor in anchors:
         for e in axes:
             pool.add(anchor, e)
     if not pool.products:
-        return axes[2]
+        return axes[2:3]
     heap: list[tuple[float, int, Floats, tuple[int, ...]]] = []
     for x, y, z in product((0, 3), (1, 4), (2, 5)):
         corners = axes[[x, y, z]]
@@ -136,22 +179,71 @@ def raise_lower(
         heap.append((t, len(heap), corners, best))
     heapq.heapify(heap)
     count = len(heap)
-    while pool.rays < RAYS and heap[0][0] < bounds[1] * (1.0 - ENOUGH):
-        _, _, corners, chain = heapq.heappop(heap)
+    goal = bounds[1] * (1.0 - ENOUGH)
+    while pool.rays < RAYS and heap[0][0] < goal:
+        before, _, corners, chain = heapq.heappop(heap)
         i, k = max(((0, 1), (1, 2), (2, 0)), key=lambda p: -corners[p[0]] @ corners[p[1]])
         middle = corners[i] + corners[k]
         middle /= np.linalg.norm(middle)
         for at in (i, k):
             half = corners.copy()
             half[at] = middle
-            centre = half.sum(axis=0) / np.linalg.norm(half.sum(axis=0))
-            tried = {*chain, *pool.climb(chain[-1], middle), *pool.climb(chain[-1], centre)}
-            t, best = _best(pool, half, tried | pool.jump(centre))
+            t, best = _cover(pool, half, chain, goal, bounds[1])
             count += 1
-            heapq.heappush(heap, (t, count, half, best))
+            heapq.heappush(heap, (max(t, before), count, half, best))
     bounds[0] = max(bounds[0], min(heap[0][0], bounds[1]))
-    weakest = heap[0][2].sum(axis=0)
-    return np.asarray(weakest / np.linalg.norm(weakest))
+    return _looked_at(heap[0][2])
+
+
+def _looked_at(corners: Floats) -> Floats:
+    """Returns the centre and the corners of a triangle of directions, (4, 3)."""
+    centre = corners.sum(axis=0)
+    return np.vstack([centre / np.linalg.norm(centre), corners])
+
+
+def _cover(
+    pool: Pool, corners: Floats, chain: tuple[int, ...], goal: float, bound: float
+) -> tuple[float, tuple[int, ...]]:
+    """Covers a triangle of directions by products near those of `chain`, to `goal` if it can.
+
+    Returns how far it does, and their indices.
+    """
+    centre = corners.sum(axis=0) / np.linalg.norm(corners.sum(axis=0))
+    tried = set(chain)
+    t, best = _best(pool, corners, tried)
+    wide = max(float(np.linalg.norm(corners[i] - corners[i - 1])) for i in range(3)) > NARROW
+    for step in range(5 if wide else len(SEARCHES) + 2):
+        if t >= goal:
+            break
+        found = set[int]()
+        if step == 0:
+            found.update(*(pool.beside.get(e.tobytes(), ()) for e in corners))
+        elif step == 1:
+            found = pool.climb(best[-1], centre) | pool.jump(centre)
+        else:
+            share, starts = SEARCHES[step - 2]
+            for e in (centre, *corners):
+                found |= pool.settled(best[-1], e, t + share * (bound - t), starts)
+        if found - tried:
+            tried |= found
+            t, best = _best(pool, corners, tried)
+    for e in corners:
+        pool.beside.setdefault(e.tobytes(), set()).update(best)
+    return t, best
+
+
+def _shrunk(hull: Sets, share: float) -> Sets:
+    """Returns sets whose ranges of thrust and angles are less by `share` of each at both ends."""
+    rows = hull.rows.copy()
+    for at, row in enumerate(hull.rows):
+        p0, p1, t0, t1, side = row[13:18]
+        ends = [p0, p1, t0, t1, row[11], row[12]]
+        for k in (0, 2, 4):
+            whole = k == 0 and row[2] <= -1.0
+            step = 0.0 if whole else share * (ends[k + 1] - ends[k])
+            ends[k], ends[k + 1] = ends[k] + step, ends[k + 1] - step
+        rows[at] = patch_row(np.array([*ends, side]), 1.0)
+    return hull._replace(rows=rows)
 
 
 def branch(hull: Sets, hover: Floats, bounds: Floats, twists: Floats) -> None:
@@ -174,12 +266,8 @@ def branch(hull: Sets, hover: Floats, bounds: Floats, twists: Floats) -> None:
             continue
         weakest = raise_lower(hull, hover, part, anchors, bounds[k])
         worst = twists[k, part] / max(float(np.linalg.norm(twists[k, part])), 1e-300)
-        for e in (weakest, worst):
-            u = np.zeros(6)
-            u[part] = e
-            reach = lower_upper(hull, hover, u, bounds[k, 1], bounds[k, 0] * (1.0 + ENOUGH))
-            if reach < bounds[k, 1]:
-                bounds[k, 1], twists[k] = reach, u
+        for e in (*weakest, worst):
+            lower_upper(hull, hover, part, e, bounds[k], twists[k])
 
 
 def _best(pool: Pool, corners: Floats, indices: Iterable[int]) -> tuple[float, tuple[int, ...]]:
@@ -194,97 +282,8 @@ def _best(pool: Pool, corners: Floats, indices: Iterable[int]) -> tuple[float, t
     covered, reached = np.full(3, HELD), 0.0
     while True:
         able = [i for i, s in spans.items() if (s[:, 0] <= covered).all() and s[:, 1].min() > 0.0]
-        reach = {i: _distance(spans[i][:, 1:] * corners) for i in able}
+        reach = {i: triangle_distance(spans[i][:, 1:] * corners) for i in able}
         best = max(reach, key=lambda i: reach[i], default=-1)
         if best < 0 or reach[best] <= reached * (1.0 + 1e-9):
             return reached, chain or (min(spans, default=0),)
         covered, reached, chain = spans[best][:, 1], reach[best], (*chain, best)
-
-
-def _distance(corners: Floats) -> float:
-    """Returns the distance from the origin to a triangle (3, 3)."""
-    a, b, c = corners
-    normal = np.cross(b - a, c - a)
-    inside = [normal @ np.cross(x, y) for x, y in ((a, b), (b, c), (c, a))]
-    if min(inside) >= 0.0 or max(inside) <= 0.0:
-        size = np.linalg.norm(normal)
-        return float(abs(normal @ a) / size) if size > 0.0 else 0.0
-    edges = []
-    for x, y in ((a, b), (b, c), (c, a)):
-        step = y - x
-        share = np.clip(-(x @ step) / max(step @ step, 1e-300), 0.0, 1.0)
-        edges.append(float(np.linalg.norm(x + share * step)))
-    return min(edges)
-
-
-def lower_upper(hull: Sets, hover: Floats, u: Floats, bound: float, goal: float) -> float:
-    """Returns an upper bound of the reach along u (6,), at most `bound`, no closer than `goal`.
-
-    The part whose hull reaches farthest is split: the apparatus whose mixture lies farthest out of
-    its set, by patch, then by half its range of φ, or of θ where that is wider and a least thrust
-    is in the way.
-    """
-    whole = [hull.rows[a:b] for a, b in zip(hull.first, hull.first[1:], strict=False)]
-    above, forces = _mixture(hull, hover, u, whole)
-    heap = [(-above, 0, whole, forces)]
-    for count in range(1, PARTS):
-        reach, _, rows, forces = heap[0]
-        if -reach <= goal:
-            break
-        j = _worst_mixture(hull, rows, forces)
-        if j < 0:
-            break
-        heapq.heappop(heap)
-        for k, part in enumerate(_split(rows[j])):
-            parts = [*rows[:j], part, *rows[j + 1 :]]
-            above, forces = _mixture(hull, hover, u, parts)
-            heapq.heappush(heap, (max(-above, reach), 10 * count + k, parts, forces))
-    return min(bound, -heap[0][0])
-
-
-def _mixture(hull: Sets, hover: Floats, u: Floats, rows: list[Floats]) -> tuple[float, Floats]:
-    first = np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.int64)
-    sets = hull._replace(rows=np.ascontiguousarray(np.vstack(rows)), first=first)
-    forces, twist = np.empty((len(rows), 3)), np.empty(6)
-    return ray(u, sets, hover, GAP, forces, twist)[1], forces
-
-
-def _worst_mixture(hull: Sets, rows: list[Floats], forces: Floats) -> int:
-    """Returns the apparatus whose force lies farthest out of its patches; -1 where all lie in."""
-    out = np.zeros(len(rows))
-    for j, (part, f) in enumerate(zip(rows, forces, strict=True)):
-        local = hull.frames[j].T @ f
-        flat = float(np.hypot(local[1], local[2]))
-        gaps = []
-        for row in part:
-            slope = np.clip(np.arctan2(local[0], flat), row[15], row[16])
-            phi, width = (
-                (np.arctan2(-local[1], local[2]) - row[13]) % (2.0 * np.pi),
-                row[14] - row[13],
-            )
-            if phi > width:  # to the nearer end
-                phi = width if phi - width < 2.0 * np.pi - phi else 0.0
-            phi += row[13]
-            u = np.array([np.sin(slope), -np.sin(phi) * np.cos(slope), np.cos(phi) * np.cos(slope)])
-            thrust = np.clip(local @ u, row[11], row[12])
-            gaps.append(float(np.linalg.norm(local - thrust * u)))
-        out[j] = min(gaps)
-    at = int(np.argmax(out))
-    return at if out[at] > 1e-6 else -1
-
-
-def _split(rows: Floats) -> list[Floats]:
-    """Returns the parts of one set: its patches, or two halves of one."""
-    if len(rows) > 1:
-        return [row[None] for row in rows]
-    row = rows[0]
-    low, high, side = row[11], row[12], row[17]
-    p0, p1, t0, t1 = row[13:17]
-    if p1 - p0 >= (t1 - t0 if low > 0.0 else 0.0):
-        middle = 0.5 * (p0 + p1)
-        ranges = ((p0, middle, t0, t1), (middle, p1, t0, t1))
-    else:
-        middle = 0.5 * (t0 + t1)
-        ranges = ((p0, p1, t0, middle), (p0, p1, middle, t1))
-    halves = [patch_row(np.array([*r, low, high, side]), 1.0) for r in ranges]
-    return [half.reshape(1, PATCH) for half in halves]

@@ -1,7 +1,7 @@
 """What a person and a program read of a posture's margins: values, bounds, limits, words."""
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -35,6 +35,16 @@ class JointLimited:
     joints: tuple[str, ...]  # at their limit where the force margin is reached
 
 
+class Obstacles(Protocol):
+    """What keeps a posture from hovering, as a page prints it."""
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Returns (label, text) pairs."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data."""
+
+
 @dataclass(frozen=True)
 class Margins:
     """Margins at a posture, by mode and name; `failures` by what is lost, if asked for."""
@@ -53,6 +63,7 @@ class Margins:
     mode: str  # that the robot flies in
     allocator: str  # `paper` or `constrained`: whose prediction is named
     steps: DesignSteps | None = None  # small changes of the design, if asked for
+    obstacles: Obstacles | None = None  # what keeps vectored thrusts from hover
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data for a program, with the units in which to read it."""
@@ -95,6 +106,7 @@ class Margins:
         } | (
             ({"failures": rows} if rows else {})
             | ({} if self.steps is None else {"sensitivity": self.steps.to_json()})
+            | ({"hover_out_of_reach": self.obstacles.to_json()} if self.obstacles else {})
         )
 
     def rows(self) -> list[tuple[str, str]]:
@@ -102,6 +114,8 @@ class Margins:
         out = []
         if self.vectored:
             out.append(("virtual-single-rotor", self._summary(self.vectored, self.vectored_closed)))
+            if self._falls("virtual_single_rotor") and self.obstacles is not None:
+                out += self.obstacles.rows()
             told = () if self._falls("virtual_single_rotor") else ("force", "torque")
             out += [("", _why(n, self.vectored[n])) for n in told]
             out += self._pushes("virtual_single_rotor")
@@ -113,11 +127,7 @@ class Margins:
         out += self._pushes("dual_rotor")
         out += self._predicted()
         for mode, sure in self.guaranteed.items():
-            units = {"force": " N", "torque": " N m"}
-            parts = ", ".join(
-                f"{_NAMES.get(k, k)} {v:.3g}{units.get(k, '')}" for k, v in sure.items()
-            )
-            out.append((f"guaranteed, {_MODES[mode]}", parts))
+            out.append((f"guaranteed, {_MODES[mode]}", _sure(sure)))
         for mode, part, w, f, t in self.failures:
             left = f"wrench {w:.3g}, force {f:.3g} N, torque {t:.3g} N m"
             if w < 0:
@@ -196,6 +206,20 @@ class Margins:
         if self._falls(mode) or not np.isfinite([c["force"], c["torque"]]).all():
             return OUT_OF_REACH
         return f"force {c['force']:.4g} N, torque {c['torque']:.4g} N m before it saturates"
+
+
+def _sure(found: dict[str, float]) -> str:
+    """Returns guaranteed margins in words; hover itself may be out of reach with these errors."""
+    units = {"force": " N", "torque": " N m"}
+    parts = [
+        f"{_NAMES.get(k, k)} {v:.3g}{units.get(k, '')}"
+        for k, v in found.items()
+        if np.isfinite(v) and not (k == "wrench" and v < 0.0)
+    ]
+    if np.isfinite(found["force"]):
+        return ", ".join(parts)
+    by = f" by {-found['wrench']:.3g} (scaled)" if found.get("wrench", 0.0) < 0.0 else ""
+    return ", ".join([f"{OUT_OF_REACH}{by} with these errors", *parts])
 
 
 def _range(weakest: Weakest, digits: int) -> str:

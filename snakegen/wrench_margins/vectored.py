@@ -7,6 +7,8 @@ from snakegen.base.plain_first import plain_first
 from snakegen.errors import AnalysisError
 from snakegen.kernels.margins import force_sets as kernel
 from snakegen.kernels.margins import limited_margins, vectored
+from snakegen.kernels.margins.set_distance import distance
+from snakegen.kernels.margins.wrench_subspace import OFF
 from snakegen.wrench_margins import inputs
 from snakegen.wrench_margins.branching import branch
 from snakegen.wrench_margins.force_sets import ForceSets
@@ -150,6 +152,10 @@ def set_margins(
         fine = tolerance * (SHARP if starts > 0 else 1.0)
         measure = one_posture if one and fine >= FINEST else vectored.batch
         measure(stack, strength, wrenches, fine, bounds, twists, rank, calls)
+        for i in np.flatnonzero((bounds[:, 1:] == 0.0).all(axis=(1, 2))):  # no slice has been tried
+            here, apart = hull._replace(points=placed[i], frames=frames[i]), np.empty(6)
+            if distance(here, wrenches[i], apart)[0] > OFF:
+                bounds[i], bounds[i, 0], twists[i, 0] = np.nan, (-np.inf, -1.0), apart
         for i in np.flatnonzero((bounds[:, 0, 1] < 0.0) | (starts > 0)):
             refine(stack[i], strength, wrenches[i], bounds[i], twists[i], int(rank[i]), starts)
     else:

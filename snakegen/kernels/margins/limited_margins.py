@@ -14,9 +14,11 @@ from snakegen.kernels.margins.force_sets import Sets, slack, wrench_into
 from snakegen.kernels.margins.ray_casting import _across
 from snakegen.kernels.margins.section_radius import radius
 from snakegen.kernels.margins.set_distance import distance
+from snakegen.kernels.margins.settle_forces import settle, wrench_inverse
 from snakegen.kernels.margins.slice_program import maximise, new_basis, start
 from snakegen.kernels.margins.wrench_subspace import OFF, RANK_TOLERANCE, subspace
 
+STARTS, ROUNDS = 8, 400  # of the search for forces that hold hover where no pieces did
 SUPPORTS = 300  # of one slice's radius
 
 
@@ -102,6 +104,26 @@ def _raise(low, bounds):
 
 
 @jit
+def _settled(hull, convex, hover, tolerance, bounds, twists, counts, anchors):
+    """Measures pieces about forces that `settle` finds to hold hover; False if out of reach."""
+    inverse, low = wrench_inverse(hull), np.empty(2)
+    for k in range(STARTS):
+        for j in range(hull.faces.size):
+            for c in range(3):
+                spread = np.sin(12.9898 * (k + 1) * (3 * j + c + 1))  # starts spread anyhow
+                anchors[j, c] = hull.high[j] * spread if k % 2 else hover[c] + 0.3 * spread
+        if settle(hover, hull, inverse, ROUNDS, anchors) > OFF:
+            continue
+        pieces_into(anchors, hull, convex)
+        if not _slices(convex, hull, hover, tolerance, bounds, twists, counts, low, True):
+            return False
+        _raise(low, bounds)
+        if bounds[1, 0] > -np.inf:
+            break
+    return True
+
+
+@jit
 def posture(hull, hover, tolerance, flat, bounds, twists, counts):
     """Fills the bounds (3, 2) of wrench, force and torque of one posture; False if out of reach.
 
@@ -130,6 +152,8 @@ def posture(hull, hover, tolerance, flat, bounds, twists, counts):
         )
         if gap <= 0.0:
             break
+    if inside and bounds[1, 0] == -np.inf:
+        inside = _settled(hull, convex, hover, tolerance, bounds, twists, counts, anchors)
     if inside and gap > 0.0:
         inside = _slices(hull, hull, hover, tolerance, bounds, twists, counts, low, False)
     if not inside or bounds[1, 0] == -np.inf:
