@@ -1,16 +1,16 @@
 """Two-sided margins of random force sets against an independent optimisation.
 
 Run: ``OPENBLAS_NUM_THREADS=1 python benchmarks/force_set_fuzz.py --count 1000 --seed 0`` (small
-matrices: threads only wait for each other). Bodies are chains of 3 to 6 apparatuses, each of gimbal limits .05 … π, a least thrust of 0 … 50 % and a kind drawn at random
-(two gimbals, one tilt axis, fixed, reversible, free). Of every body in reach of hover it is
-checked, by bounded least squares over thrusts and gimbal angles themselves, and
-SLSQP, from many starts, that
+matrices: threads only wait for each other). Bodies are chains of 3 to 6 apparatuses, each of gimbal
+limits .05 … π, a least thrust of 0 … 50 % and a kind drawn at random (two gimbals, one tilt axis,
+fixed, reversible, free). Of every body in reach of hover it is checked, by bounded least squares
+and SLSQP over thrusts and gimbal angles themselves, from many starts, that
 
 - along the direction in which a margin is least, and along others, forces exist that give the lower
   bound, and a random share of it (a hole would be a fault);
 - none give a push past the upper bound along its direction.
 
-Printed are the gaps (upper - lower)/upper. Exit 1 where a bound is wrong.
+Printed are the gaps (upper - lower)/upper. Exit 1 where a bound is refuted or not reached.
 """
 
 import argparse

@@ -10,7 +10,7 @@ from snakegen.kernels.margins import limited_margins, vectored
 from snakegen.kernels.margins.set_distance import distance
 from snakegen.kernels.margins.wrench_subspace import OFF
 from snakegen.wrench_margins import inputs
-from snakegen.wrench_margins.branching import branch
+from snakegen.wrench_margins.branching.directions import branch
 from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.limited import certify_wrench, refine_limited
 from snakegen.wrench_margins.plain import ball_margins

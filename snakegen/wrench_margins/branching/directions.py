@@ -20,9 +20,9 @@ from snakegen.kernels.margins.force_sets import Sets
 from snakegen.kernels.margins.limited_margins import empty_pieces, ray
 from snakegen.kernels.margins.settle_forces import settle, wrench_inverse
 from snakegen.kernels.margins.slice_program import maximise, new_basis, start
-from snakegen.wrench_margins.excluded_wrenches import ENOUGH, GAP, lower_upper
+from snakegen.wrench_margins.branching.excluded_wrenches import ENOUGH, GAP, lower_upper
+from snakegen.wrench_margins.branching.triangle import triangle_distance
 from snakegen.wrench_margins.force_sets import patch_row
-from snakegen.wrench_margins.triangle import triangle_distance
 
 Floats = NDArray[np.float64]
 RAYS = 12000  # of one slice from below: up to two seconds

@@ -1,0 +1,1 @@
+"""Closer bounds of one posture where sets are not convex, by branching."""
