@@ -13,7 +13,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c "$(NEW_ENOUGH)" 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test processors check format generated docs bench stress speed fuzz wheel clean
+.PHONY: help demo test processors check format generated docs bench stress robots speed fuzz wheel clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*##' $(firstword $(MAKEFILE_LIST)) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -89,7 +89,7 @@ $(PRESETS:%=generated/%): generated/%: $(VENV)/runtime.stamp
 	mv $@/report.json.part $@/report.json
 
 bench: $(VENV)/bench.stamp ## run the benchmarks, each against its rival
-	@for file in $(filter-out benchmarks/readme.py benchmarks/stress.py,$(wildcard benchmarks/*.py)); do \
+	@for file in $(filter-out benchmarks/readme.py benchmarks/stress.py benchmarks/public_robots.py,$(wildcard benchmarks/*.py)); do \
 		echo "== $$file"; $(BIN)/python $$file || exit 1; done
 
 stress: $(VENV)/dev.stamp ## kills, full disks, damage and Ctrl-C: KILLS cases each (50)
@@ -101,11 +101,19 @@ docs: $(VENV)/docs.stamp ## build the documentation into out/site and run every 
 	$(BIN)/python -m pytest -n 2 -m slow tests/test_docs.py
 	@echo "read it: $(BIN)/python -m http.server -b 127.0.0.1 -d out/site 8000"
 
+# The packages hold 280 MB of models; ROBOTS keeps them, else they go to a temporary folder.
+ROBOTS ?=
+robots: $(VENV)/dev.stamp ## public URDFs: loaded, against RNEA, converted, compared
+	$(BIN)/python benchmarks/public_robots.py $(addprefix --folder ,$(ROBOTS))
+
 speed: $(VENV)/bench.stamp ## measure the table of speeds and put it into README.md
 	$(BIN)/python benchmarks/readme.py
 
-fuzz: $(VENV)/dev.stamp ## hypothesis with EXAMPLES cases a property (300)
-	SNAKEGEN_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n 2 -k "random or fuzz or hypothesis"
+fuzz: $(VENV)/dev.stamp ## 2,000 broken URDFs, specs and modules; EXAMPLES cases of other properties (300)
+	SNAKEGEN_EXAMPLES=2000 $(BIN)/python -m pytest -n 2 --dist load $(STRANGE)
+	SNAKEGEN_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n 2 -k "random or fuzz or hypothesis" --ignore $(STRANGE)
+
+STRANGE := tests/test_fuzz_foreign.py
 
 wheel: $(VENV)/dev.stamp ## build the wheel into dist/
 	rm -rf dist

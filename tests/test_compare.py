@@ -252,6 +252,19 @@ def test_an_offset_of_the_root_is_found_and_a_tilt_is_a_difference(
     )
 
 
+def test_a_locked_joint_and_a_repeated_element_survive_the_conversion(tmp_path: Path) -> None:
+    text = ARM.replace('lower="-1" upper="2"', 'lower="0.5" upper="0.5"')
+    text = text.replace('friction="0.1"/>', 'friction="0.1"/><dynamics damping="9"/>')
+    (tmp_path / "locked.urdf").write_text(text)
+    made = snakegen.convert(tmp_path / "locked.urdf", tmp_path / "out")
+    model = mujoco.MjModel.from_xml_path(str(made.mjcf))
+    joint = model.joint("shoulder").id
+    assert model.jnt_limited[joint] and np.allclose(model.jnt_range[joint], 0.5, atol=1e-9)
+    assert model.dof_damping[model.jnt_dofadr[joint]] == 0.4
+    assert any("second <dynamics>" in text for text in made.warnings)
+    assert snakegen.compare(tmp_path / "locked.urdf", made.mjcf).same
+
+
 def test_command_exits_with_3_and_prints_json(
     arm: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

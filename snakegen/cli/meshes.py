@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from snakegen.base.file_name import file_stem
 from snakegen.cli.options import Source
 
 
@@ -20,7 +21,7 @@ def mesh_folder(robot: Any, log: Path) -> Path:
     """Returns the folder from which the URDF's mesh paths start; makes the meshes if need be."""
     if robot.path is not None:
         return Path(robot.path).parent
-    for folder in (log.parent, Path("generated") / robot.name):
+    for folder in (log.parent, Path("generated") / file_stem(robot.name)):
         if (folder / "meshes").is_dir():
             return folder
     return _made()

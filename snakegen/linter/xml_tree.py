@@ -64,7 +64,8 @@ def parse_xml(text: str) -> Node:
 
     def end(_tag: str) -> None:
         at = parser.CurrentByteIndex  # of the end tag, or of the element where it has none
-        stack.pop().end = data.index(b">", at) + 1 if data[at : at + 2] == b"</" else at
+        tail = data.find(b">", at) + 1 if data[at : at + 2] == b"</" else 0
+        stack.pop().end = max(at, tail)
 
     def doctype(*_args: object) -> None:
         line = parser.CurrentLineNumber

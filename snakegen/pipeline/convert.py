@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from snakegen.base.atomic_io import folder_whole
+from snakegen.base.file_name import file_stem
 from snakegen.errors import DescriptionError
 from snakegen.robot.robot import Robot, load
 
@@ -58,10 +59,10 @@ def convert(
     if robot.path is None:
         raise DescriptionError(f"{urdf}: convert reads a URDF file; build makes one of a spec.")
     found = [str(f) for f in lint(robot.urdf, folder=robot.folder) if f.severity == "warning"]
-    target = Path(out_dir) if out_dir is not None else Path(f"{robot.name}_mjcf")
+    name = file_stem(robot.name)
+    target = Path(out_dir) if out_dir is not None else Path(f"{name}_mjcf")
     with folder_whole(target) as folder:
         result, noted = _write(robot, folder)
-    name = robot.name
     return Conversion(
         target / f"{name}.urdf",
         target / f"{name}.xml",
@@ -86,7 +87,7 @@ def _write(robot: Robot, folder: Path) -> tuple[Any, tuple[str, ...]]:
     from snakegen.robot.floating_root import without_floating_root
     from snakegen.spec.urdf import read_urdf
 
-    name, modules = robot.name, robot.modules
+    name, modules = file_stem(robot.name), robot.modules
     ready = importable(robot.urdf, robot.folder)
     for file, content in ready.assets.items():
         (folder / file).parent.mkdir(exist_ok=True)

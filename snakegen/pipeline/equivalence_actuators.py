@@ -214,7 +214,7 @@ def _joint_constants(at: Actuation) -> Iterator[Pairs]:
     rows = [model.joint(n).id for n in names]
     ranges = _limits(model.jnt_limited, model.jnt_range, rows)
     limits = joint_limits(at.robot, names)
-    yield pairs("joint limits", names, ("lower", "upper"), limits, ranges)
+    yield pairs("joint limits", names, ("lower", "upper"), limits, ranges, 1.0)  # rad, m
     held = [s.joint for s in at.servos]  # a limit of the joint would clip the thrusts' torque too
     rows = [model.joint(n).id for n in held]
     clip = _limits(model.jnt_actfrclimited, model.jnt_actfrcrange, rows)

@@ -152,7 +152,7 @@ class Comparison:
         )
         unit = "m" if a.kind == "prismatic" else "rad"
         for k, what in enumerate(("lower limit", "upper limit")):
-            yield from self._value("joint", name, what, a.limits[k], b.limits[k], unit)
+            yield from self._value("joint", name, what, a.limits[k], b.limits[k], unit, 0.01)
         yield from self._effort(name, a, b)
         if not math.isnan(a.velocity + b.velocity):
             yield from self._value("joint", name, "velocity", a.velocity, b.velocity, f"{unit}/s")

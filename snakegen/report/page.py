@@ -14,6 +14,7 @@ from snakegen import __version__
 from snakegen.analysis import catalogue
 from snakegen.base.atomic_io import check_writable, require_suffix, work_folder
 from snakegen.base.file_lock import exclusive
+from snakegen.base.file_name import file_stem
 from snakegen.base.folder_swap import move_files
 from snakegen.base.geometry import rpy_from_rotation
 from snakegen.base.rounding import rounded
@@ -142,8 +143,9 @@ def _markdown(page: Page, path: Path, pictures: dict[str, list[Path]]) -> list[s
     robot, about = page.robot, catalogue()
     lines = [f"# {robot.name}", "", f"{heading(page)} (rad).", ""]
     lines += [f"snakegen {__version__}, URDF {robot.urdf_hash[:12]}."]
-    if (path.parent / f"{robot.name}.png").is_file():
-        lines += ["", f"![{robot.name}]({robot.name}.png)"]
+    file = f"{file_stem(robot.name)}.png"
+    if (path.parent / file).is_file():
+        lines += ["", f"![{robot.name}]({file})"]
     for name, result in page.results.items():
         lines += ["", f"## {name}", "", about[name].help, "", "| | |", "|---|---|"]
         lines += [f"| {_cell(label)} | {_cell(tidy(text))} |" for label, text in result.rows()]

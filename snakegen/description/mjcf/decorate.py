@@ -17,6 +17,7 @@ from snakegen.base.geometry import (
     xyzw_from_wxyz,
 )
 from snakegen.description.mjcf.base_mount import Support
+from snakegen.description.mjcf.locked_joints import lock_joints
 from snakegen.description.mjcf.rolling_contact import decorate_drive
 from snakegen.description.mjcf.scene_elements import GRAVITY, add_from_rest, lowest_point
 from snakegen.description.mjcf.urdf_import import importable
@@ -71,6 +72,7 @@ def decorate(
         if modules.floating:
             root.add_freejoint(name="root")
         _classes(spec)
+        lock_joints(spec, urdf)
         _rotors(spec, modules, rotor_shafts(urdf, modules))
         _servos(spec, modules)
         if modules.screws:

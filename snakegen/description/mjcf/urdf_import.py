@@ -22,6 +22,10 @@ _SIZES = {
     "capsule": ("radius", "length"),
 }
 _MOST_FACES = 200_000  # of an STL that MuJoCo reads
+_SINGLE = frozenset(
+    ("inertial", "origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration",
+     "safety_controller")
+)  # fmt: skip
 _ALTERING = ("balanceinertia", "inertiafromgeom", "boundmass", "boundinertia")
 
 
@@ -59,6 +63,7 @@ def importable(
     robot = ET.fromstring(urdf)
     weld_inertias(robot)
     folders, dropped = _own_settings(robot, folder)
+    dropped += _repeats(robot)
     assets = dict(known)
     names: dict[Path, str] = {}
     for link in robot.iterfind("link"):
@@ -94,6 +99,19 @@ def _own_settings(robot: ET.Element, folder: Path | None) -> tuple[tuple[Path, .
         others = sorted({child.tag for child in element} - {"compiler"})
         dropped += [f"<mujoco> <{tag}>: settings of a simulation are not kept" for tag in others]
     return tuple(folders), dropped
+
+
+def _repeats(robot: ET.Element) -> list[str]:
+    """Removes what stands twice where once is allowed: parsers read the first, MuJoCo refuses."""
+    dropped = []
+    for part in (*robot.iterfind("link"), *robot.iterfind("joint")):
+        seen: set[str] = set()
+        for child in list(part):
+            if child.tag in seen and child.tag in _SINGLE:
+                part.remove(child)
+                dropped.append(f"second <{child.tag}> of {part.tag} '{part.get('name')}'")
+            seen.add(child.tag)
+    return dropped
 
 
 def _settle(
