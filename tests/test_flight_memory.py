@@ -12,6 +12,7 @@ from snakegen.robot.robot import load
 from snakegen.simulation.flight.loop import fly
 from snakegen.simulation.flight.plant import Imperfections, draw
 from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.missions import planned
 
 
 @njit(_nrt=False)
