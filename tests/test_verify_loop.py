@@ -206,7 +206,7 @@ def test_a_tumbling_hybrid_is_named_and_its_free_wheels_may_spin(monkeypatch):
         start(self)
         self.data.qvel[spun] = -80.0
 
-    plan = hover(robot, 200.0, duration=0.1)
+    plan = planned("hover", robot, duration=0.1)
     push = np.zeros((20, 6))
     push[10:, 4] = 1e5
     monkeypatch.setattr(loop._Run, "_start_rotors", spinning)
