@@ -5,15 +5,17 @@ are dealt out to two presets to which their analysis applies; with SNAKEGEN_FULL
 preset gets all of them (a minute).
 """
 
+import ast
 import json
 import os
 import re
 from functools import cache, partial
+from inspect import signature
 from pathlib import Path
 
 import pytest
 
-from snakegen.analysis import catalogue
+from snakegen.analysis import catalogue, read_options
 from snakegen.report.page import plain
 from snakegen.robot.posture import hover_gimbals
 from snakegen.robot.robot import Robot, load
@@ -238,3 +240,22 @@ def test_an_analysis_that_does_not_apply_says_so(preset, run, monkeypatch) -> No
         if not entry.load().applies(robot):
             ran = run("analyze", command, f"{preset}.urdf")
             assert ran.code == 1 and "does not apply" in ran.err and not fault(ran), command
+
+
+def test_options_are_read_from_signature_and_docstring() -> None:
+    """Name, type, default and meaning come from `analyze` alone; a name it lacks is an error."""
+    margin = catalogue()["margin"].options
+    assert margin["tolerance"] == (1e-3, float, "relative gap of the certified vectored margins")
+    assert margin["failures"].kind is bool and margin["failures"].default is False
+    statics = catalogue()["statics"].options
+    assert statics["gravity"].default == "0,0,-9.81" and statics["gravity"].kind is str
+    assert catalogue()["cables"].options["count"][:2] == (None, int)
+    assert catalogue()["reach"].options["obstacles"].default is None
+    for entry in catalogue().values():
+        given = set(signature(entry.load().analyze).parameters)
+        assert given >= set(entry.options) and all(o.meaning for o in entry.options.values())
+    wrong = ast.parse(
+        'def analyze(robot, q, a=1):\n    """X.\n\n    Options:\n        b: c\n    """'
+    )
+    with pytest.raises(ValueError, match="no argument 'b'"):
+        read_options(wrong, "x.py")

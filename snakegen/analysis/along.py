@@ -16,14 +16,6 @@ COMMAND = "along"
 ORDER = 65
 REPORT = False  # needs a table
 EXAMPLE = "dragon4 --table waypoints.csv --margin torque_margin"
-OPTIONS = {
-    "table": [
-        "",
-        "CSV, Parquet or YAML of waypoints: a header of joint names, and 'time' if it has one",
-    ],
-    "step": [0.02, "rad, largest joint motion between two instants that are checked"],
-    "margin": ["force_margin", "which margin decides the weakest instant"],
-}
 
 
 @dataclass(frozen=True)
@@ -89,6 +81,12 @@ def analyze(
     """Returns certified margins along the waypoints of `table`, joints moving straight between.
 
     Joints without a column, and the attitude, are those of q.
+
+    Options:
+        table: CSV, Parquet or YAML of waypoints: a header of joint names, and 'time' if it has
+            one
+        step: rad, largest joint motion between two instants that are checked
+        margin: which margin decides the weakest instant
 
     Raises:
         AnalysisError: no table, one that cannot be read, times that do not rise, no such margin.

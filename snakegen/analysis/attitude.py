@@ -15,10 +15,6 @@ from snakegen.sweep.worker import work
 COMMAND = "attitude"
 ORDER = 60
 REPORT = False  # a search: on request, not on every page
-OPTIONS = {
-    "margin": ["torque_margin", "which margin: a column of a sweep, as in force_margin"],
-    "samples": [200, "directions of gravity that the search starts from"],
-}
 _ROUNDS, _TRIES = 30, 8
 _UNITS = {"force_margin": "N", "torque_margin": "N·m", "self_distance": "m", "closed": ""}
 
@@ -104,6 +100,10 @@ def analyze(
 
     Gravity's direction in the body is searched: `samples` directions spread over the sphere
     (Fibonacci) and its own, then a pattern search from the best four. Gimbals point up in each.
+
+    Options:
+        margin: which margin: a column of a sweep, as in force_margin
+        samples: directions of gravity that the search starts from
 
     Raises:
         AnalysisError: no such margin, or too few samples.

@@ -30,7 +30,7 @@ from snakegen.statics.cable_holding import (
 from snakegen.statics.cable_results import CableMotion, CablesResult, balanced
 from snakegen.statics.cable_stiffness import PointLoad, cable_geometry
 from snakegen.statics.cabled import cables_of, hold_in_mujoco
-from snakegen.statics.joint_torques import DOWN, Wrenches, finite, joint_torques, link_loads
+from snakegen.statics.joint_torques import Wrenches, finite, joint_torques, link_loads
 from snakegen.statics.routing import Routing, route
 from snakegen.statics.tip import find_tip, tip_pose
 
@@ -39,26 +39,6 @@ __all__ = ["CablesResult", "Routing", "analyze", "applies", "route"]
 COMMAND = "cables"
 ORDER = 75
 EXAMPLE = "arm6 --joint joint3_yaw=0.4 --mjcf arm6_cables.xml"
-OPTIONS = {
-    "count": [None, "cables a segment, three or more; the spec's, else 3"],
-    "radius": [None, "m, of the circle of holes; the spec's, else 0.03"],
-    "phase": [None, "rad, of the first hole from y towards z; the spec's, else 0"],
-    "standoff": [None, "m, from a joint to the holes on either side; the spec's, else 0.02"],
-    "sheathed": [False, "cables start at their own joint instead of running through all before"],
-    "minimum": [None, "N, least tension; the spec's, else 5"],
-    "maximum": [None, "N, highest tension; the spec's, else none"],
-    "stiffness": [None, "N/m, of a winch; the spec's, else 50000"],
-    "elasticity": [None, "N, EA of a cable; the spec's, else one that does not stretch"],
-    "friction": [None, "coefficient of cable on hole, cables being wound in; the spec's, else 0"],
-    "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
-    "tip_force": [None, "N, force at the tip, world axes, as in 0,0,-5"],
-    "gravity": ["0,0,-9.81", "m/s², world; 0,0,0 for none"],
-    "motion": [
-        None,
-        "table3, a table or a YAML: how stiff the arm is along it, at 20 instants a s",
-    ],
-    "mjcf": [None, "MJCF to write: the cables as tendons with winches, in place of the servos"],
-}
 _RATE = 20.0  # instants a second of a motion
 
 
@@ -75,24 +55,46 @@ def analyze(
     torque: ArrayLike | None = None,
     wrenches: Wrenches = None,
     tip_force: ArrayLike | None = None,
-    gravity: ArrayLike = DOWN,
+    gravity: ArrayLike = (0.0, 0.0, -9.81),
     motion: str | Path | None = None,
     mjcf: str | Path | None = None,
-    **sizes: Any,
+    count: int | None = None,
+    radius: float | None = None,
+    phase: float | None = None,
+    standoff: float | None = None,
+    sheathed: bool = False,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    stiffness: float | None = None,
+    elasticity: float | None = None,
+    friction: float | None = None,
 ) -> CablesResult:
     """Returns the least cable tensions that balance a posture, and whether they hold it.
 
     Args:
         robot: an arm.
         q: (nq,) posture.
-        routing: from `route`; made from `sizes` if absent.
+        routing: from `route`; made from the options if absent.
         torque: (n,) N m of the chain joints; the static ones of gravity and loads if absent.
-        wrenches, gravity: as in `joint_torques`.
-        tip_force: (3,) N, at the end of the last link, world axes.
-        motion: as in `motion_of`: the stiffness along it, quasi-statically.
-        mjcf: file to write with the cables as tendons; MuJoCo then bends the arm and lets go.
         sizes: ``count radius phase standoff sheathed minimum maximum stiffness elasticity
             friction`` as in the spec's `cables`, in place of those.
+
+    Options:
+        count: cables a segment, three or more; the spec's, else 3
+        radius: m, of the circle of holes; the spec's, else 0.03
+        phase: rad, of the first hole from y towards z; the spec's, else 0
+        standoff: m, from a joint to the holes on either side; the spec's, else 0.02
+        sheathed: cables start at their own joint instead of running through all before
+        minimum: N, least tension; the spec's, else 5
+        maximum: N, highest tension; the spec's, else none
+        stiffness: N/m, of a winch; the spec's, else 50000
+        elasticity: N, EA of a cable; the spec's, else one that does not stretch
+        friction: coefficient of cable on hole, cables being wound in; the spec's, else 0
+        wrenches: loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes
+        tip_force: N, force at the tip, world axes, as in 0,0,-5
+        gravity: m/s², world; 0,0,0 for none
+        motion: table3, a table or a YAML: how stiff the arm is along it, at 20 instants a s
+        mjcf: MJCF to write: the cables as tendons with winches, in place of the servos
 
     Raises:
         AnalysisError: not an arm, wrong shapes, NaN, minimum above maximum; an MJCF asked for
@@ -102,7 +104,19 @@ def analyze(
         raise AnalysisError(f"{robot.name} is not an arm on a fixed base: cables are for those.")
     if mjcf is not None:
         require_suffix(mjcf, ".xml")
-    cables, given = _cables(robot, sizes)
+    sizes = {
+        "count": count,
+        "radius": radius,
+        "phase": phase,
+        "standoff": standoff,
+        "sheathed": sheathed or None,
+        "minimum": minimum,
+        "maximum": maximum,
+        "stiffness": stiffness,
+        "elasticity": elasticity,
+        "friction": friction,
+    }
+    cables, given = _cables(robot, {k: v for k, v in sizes.items() if v is not None})
     q = robot.validate_configuration(q)
     how: dict[str, Any] = {}
     if routing is None:
@@ -129,8 +143,8 @@ def analyze(
         raise AnalysisError("MuJoCo's tendons have no friction over holes: ask for it without.")
     if not result.feasible:
         raise AnalysisError(f"{robot.name}: {result.why}; no MJCF of that was written.")
-    stiffness = case.stiffness(q)
-    made = cables_of(robot, routing, result.tension, result.length, cables.maximum, stiffness.cable)
+    cable = case.stiffness(q).cable
+    made = cables_of(robot, routing, result.tension, result.length, cables.maximum, cable)
     soft = np.zeros(len(robot.joint_names))
     soft[case.index] = result.softest
     held = hold_in_mujoco(Path(mjcf), robot, q, made, g, soft)
@@ -259,21 +273,9 @@ def _cables(robot: Robot, sizes: dict[str, Any]) -> tuple[Cables, bool]:
     places = ("count", "radius", "phase", "standoff", "sheathed")
     given: dict[str, Any] = {}
     for name, value in sizes.items():
-        if name not in Cables.__dataclass_fields__:
-            raise AnalysisError(f"cables have no '{name}'.")
-        if value is None or (name == "sheathed" and value is False):
-            continue
-        try:
-            number = (
-                value
-                if name in ("count", "sheathed") and not isinstance(value, str)
-                else (int(value) if name == "count" else float(value))
-            )
-        except (TypeError, ValueError):
-            raise AnalysisError(f"{name}: '{value}' is no number.") from None
-        if number != number:
-            raise AnalysisError(f"{name}: '{value}' is no number.")
-        given[name] = number
+        if not isinstance(value, int | float) or value != value:
+            raise AnalysisError(f"{name}: {value!r} is not a number.")
+        given[name] = value
     cables = replace(known, **given)
     if not 0 <= cables.minimum <= cables.maximum or not np.isfinite(cables.minimum):
         raise AnalysisError(

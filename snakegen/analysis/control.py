@@ -16,10 +16,6 @@ from snakegen.robot.robot import Robot
 
 COMMAND = "control"
 ORDER = 80
-OPTIONS = {
-    "delay": [None, "s, from sensing to command; the plant's by default"],
-    "lag": [None, "s, of the motors; the rotors' by default"],
-}
 DEFAULT = "default"  # gains of a robot that names none
 
 
@@ -115,8 +111,10 @@ def analyze(
     Args:
         robot: with a floating base and rotors.
         q: (nq,) posture; all joints at 0, gimbals up if absent.
-        delay: s, from sensing to command; the plant's if absent.
-        lag: s, of the motors; the rotors' largest if absent.
+
+    Options:
+        delay: s, from sensing to command; the plant's by default
+        lag: s, of the motors; the rotors' by default
 
     Raises:
         AnalysisError: a delay or lag below 0 or not finite.

@@ -26,24 +26,6 @@ from snakegen.statics.joint_torques import DOWN, Depth, Wrenches, declared_limit
 COMMAND = "motion"
 ORDER = 65
 EXAMPLE = "arm6 --motion table3 --friction 0.1,0.06 --table torques.csv"
-OPTIONS = {
-    "motion": [
-        None,
-        "table3, a table (CSV, Parquet, YAML; header time,joint1_pitch,… in s and rad) or YAML of "
-        "sines; table3 if absent",
-    ],
-    "duration": [None, "s, instead of the motion's own; sines alone"],
-    "rate": [1000.0, "instants a second"],
-    "terms": ["full", "depth: static, quasi_static (the paper's eq 24) or full"],
-    "gravity": [None, "m/s², world; none for table3 (the paper's is weightless), else 0,0,-9.81"],
-    "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
-    "friction": [
-        None,
-        "static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own",
-    ],
-    "ends": ["rest", "of a table: rest, or free for one that is cut out of a motion"],
-    "table": [None, "CSV, Parquet or YAML table to write: time, angles, torques, power"],
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,15 +203,18 @@ def analyze(
     Args:
         robot: an arm.
         q: (nq,) posture, where joints that the motion does not name stay.
-        motion: as in `motion_of`; ``table3``, said to be assumed, if absent.
-        duration: s, instead of the motion's own; sines alone.
-        rate: instants a second.
-        terms: depth of the torques: ``static``, ``quasi_static``, ``full``.
-        gravity: (3,) m/s²; none for ``table3``, which the paper runs weightless.
-        wrenches: as in `joint_torques`.
-        friction: static and sliding friction of every joint, N m; the servos' own if absent.
-        ends: as in `waypoints`.
-        table: a table to write: CSV, Parquet or YAML.
+
+    Options:
+        motion: table3, a table (CSV, Parquet, YAML; header time,joint1_pitch,… in s and rad) or
+            YAML of sines; table3 if absent
+        duration: s, instead of the motion's own; sines alone
+        rate: instants a second
+        terms: depth: static, quasi_static (the paper's eq 24) or full
+        gravity: m/s², world; none for table3 (the paper's is weightless), else 0,0,-9.81
+        wrenches: loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes
+        friction: static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own
+        ends: of a table: rest, or free for one that is cut out of a motion
+        table: CSV, Parquet or YAML table to write: time, angles, torques, power
 
     Raises:
         SnakegenError: not an arm, a motion outside the limits, NaN, more than fits into memory.

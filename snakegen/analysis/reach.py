@@ -36,27 +36,6 @@ __all__ = ["Options", "Port", "ReachResult", "analyze", "applies", "circle", "po
 COMMAND = "reach"
 ORDER = 70
 EXAMPLE = "arm6 --port 1.25,0.08,0.08,1,0,0,0.06 --depth 0.25"
-OPTIONS = {
-    "path": [
-        None,
-        "table (CSV, Parquet, YAML) of x,y,z [m] from the base origin, a row every dt; "
-        "straight in through the port if "
-        "absent, or a circle without one",
-    ],
-    "radius": [0.05, "m, of the circle"],
-    "depth": [0.2, "m, how far the tip goes in through the port"],
-    "duration": [10.0, "s, of the way in or once round"],
-    "dt": [0.01, "s, between samples"],
-    "gain": [10.0, "1/s, of the closed loop; 0 integrates open loop and drifts"],
-    "corrections": [1, "Newton steps after each sample at most"],
-    "give_up": [0.001, "m, tip error at which the path counts as lost"],
-    "margin": [0.0, "rad, kept from the joints' limits"],
-    "port": [None, "x,y,z,ax,ay,az,radius: an opening that the body must pass"],
-    "obstacles": [None, "YAML of boxes that the body must not touch: obstacles: [{centre, half}]"],
-    "tries": [8, "resting postures tried until one keeps clear of body, floor and obstacles"],
-    "tip": [None, "link that carries the tip; the last one if absent"],
-    "tip_point": [None, "x,y,z of the tip on that link, m"],
-}
 
 
 @dataclass(frozen=True)
@@ -190,17 +169,24 @@ def analyze(
     Args:
         robot: any robot with a chain joint.
         q: (nq,) posture it starts from; the tip first goes to the path's first point.
-        path: (m, 3) m from the base origin, world axes, a sample every dt; or a table of it.
-        tip, tip_point: link and point (m, link axes) that follows; the last link's end if absent.
         options: the loop; made from `dt` … `port` if absent.
-        radius, depth, duration: m, m and s, of the circle and of the way in.
-        dt, gain, corrections, give_up: as in `Options`.
-        margin: rad, kept from the joints' limits.
-        port: from `port`, or its seven numbers as text.
-        obstacles: boxes that the body must not touch, or a scene file of them. The body keeps clear
-            of itself and of the floor below its base too.
-        tries: resting postures (`Options.posture`) tried, the given one first, until the track is
-            free of contact; the one with the most clearance is kept.
+
+    Options:
+        path: table (CSV, Parquet, YAML) of x,y,z [m] from the base origin, a row every dt;
+            straight in through the port if absent, or a circle without one
+        radius: m, of the circle
+        depth: m, how far the tip goes in through the port
+        duration: s, of the way in or once round
+        dt: s, between samples
+        gain: 1/s, of the closed loop; 0 integrates open loop and drifts
+        corrections: Newton steps after each sample at most
+        give_up: m, tip error at which the path counts as lost
+        margin: rad, kept from the joints' limits
+        port: x,y,z,ax,ay,az,radius: an opening that the body must pass
+        obstacles: YAML of boxes that the body must not touch: obstacles: [{centre, half}]
+        tries: resting postures tried until one keeps clear of body, floor and obstacles
+        tip: link that carries the tip; the last one if absent
+        tip_point: x,y,z of the tip on that link, m
 
     Raises:
         AnalysisError: no chain joint, a path or option that is none.

@@ -14,17 +14,13 @@ from numpy.typing import ArrayLike
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
 from snakegen.robot.robot import Robot
-from snakegen.statics.joint_torques import DOWN, Wrenches, finite, joint_torques
+from snakegen.statics.joint_torques import Wrenches, finite, joint_torques
 from snakegen.statics.thrust_relief import Relieved, ThrustMap, least_use, thrust_map, tip_force
 from snakegen.statics.tip import find_tip, tip_pose
 
 COMMAND = "relief"
 ORDER = 77
 EXAMPLE = "dragon4 --set base=fixed --joint joint1_yaw=0.4"
-OPTIONS = {
-    "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
-    "gravity": ["0,0,-9.81", "m/s², world; 0,0,0 for none"],
-}
 _AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
@@ -104,14 +100,17 @@ def applies(robot: Robot) -> bool:
 
 
 def analyze(
-    robot: Robot, q: ArrayLike, *, wrenches: Wrenches = None, gravity: ArrayLike = DOWN
+    robot: Robot, q: ArrayLike, *, wrenches: Wrenches = None, gravity: ArrayLike = (0.0, 0.0, -9.81)
 ) -> ReliefResult:
     """Returns what thrust takes off an arm's joints, and what its tip can push with it.
 
     Args:
         robot: on a fixed base, with vectoring apparatuses whose gimbals turn any way.
         q: (nq,) posture.
-        wrenches, gravity: as in `joint_torques`.
+
+    Options:
+        wrenches: loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes
+        gravity: m/s², world; 0,0,0 for none
 
     Raises:
         AnalysisError: a floating base, no apparatus, or one without gimbals.

@@ -42,11 +42,6 @@ __all__ = [
 COMMAND = "drive"
 EXAMPLE = "screw4 --path arc --speed 0.1"
 ORDER = 60
-OPTIONS = {
-    "path": ["lcrank", "path whose rates are worked out: line, arc, lcrank, scurve"],
-    "speed": [0.125, "m/s along that path"],
-    "screw_rate": [0.0, "rad/s that a screw motor reaches; 0: the URDF's limit"],
-}
 
 
 @dataclass(frozen=True)
@@ -237,6 +232,11 @@ def analyze(
     screw_rate: float = 0.0,
 ) -> DriveResult:
     """Returns all that the model says of the robot's drive at q (HA eqs 1-7).
+
+    Options:
+        path: path whose rates are worked out: line, arc, lcrank, scurve
+        speed: m/s along that path
+        screw_rate: rad/s that a screw motor reaches; 0: the URDF's limit
 
     Raises:
         AnalysisError: no such path, or drums that the planar model cannot hold.

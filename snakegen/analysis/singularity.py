@@ -13,7 +13,6 @@ from snakegen.robot.robot import Robot
 
 COMMAND = "singularity"
 ORDER = 30
-OPTIONS = {"threshold": [0.02, "scaled σ_min(J_w) below which a posture counts as near-singular"]}
 _WARN_ANGLE = np.deg2rad(10.0)
 
 
@@ -88,6 +87,9 @@ def analyze(robot: Robot, q: Floats, threshold: float = 0.02) -> Singularity:
 
     ``det ∂f/∂(λ, φ, θ) = ± λ² cosθ``: the roll's part of it is ``|sin|`` of the angle between
     thrust and roll axis, which equals |cosθ| for x–y gimbals.
+
+    Options:
+        threshold: scaled σ_min(J_w) below which a posture counts as near-singular
     """
     a = allocation(robot, q)
     count = robot.gimbals.limit.size

@@ -16,7 +16,6 @@ from snakegen.kernels.dynamics.torque_terms import DEPTHS, EXTERNAL, TERMS
 from snakegen.robot.followers import coupling
 from snakegen.robot.robot import Robot
 from snakegen.statics.joint_torques import (
-    DOWN,
     Depth,
     Wrenches,
     declared_limits,
@@ -34,19 +33,6 @@ __all__ = ["StaticsResult", "analyze", "applies", "joint_torques", "twist_matrix
 COMMAND = "statics"
 ORDER = 60
 EXAMPLE = 'arm6 --joint joint1_pitch=-0.4 --wrenches "link7=0,0,-5,0,0,0"'
-OPTIONS = {
-    "terms": ["full", "depth: static, quasi_static or full (the three agree at rest)"],
-    "wrenches": [None, 'loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes'],
-    "gravity": ["0,0,-9.81", "m/s², world; 0,0,0 for none"],
-    "hold": ["auto", "what carries the weight: base, hover or auto"],
-    "thrust": [None, "N per rotor, comma-separated, instead of the hover's"],
-    "v": [None, "joint (and base) velocities, comma-separated"],
-    "a": [None, "joint (and base) accelerations, comma-separated"],
-    "tip": [None, "link that carries the tip; the last one if absent"],
-    "tip_point": [None, "x,y,z of the tip on that link, m"],
-    "direction": ["0,0,-1", "direction in which the payload pulls"],
-    "worst": [False, "search the posture, at rest, that loads a servo hardest"],
-}
 
 
 @dataclass(frozen=True)
@@ -211,7 +197,7 @@ def analyze(
     v: ArrayLike | None = None,
     a: ArrayLike | None = None,
     wrenches: Wrenches = None,
-    gravity: ArrayLike = DOWN,
+    gravity: ArrayLike = (0.0, 0.0, -9.81),
     terms: Depth = "full",
     hold: Literal["auto", "base", "hover"] = "auto",
     thrust: ArrayLike | None = None,
@@ -225,13 +211,21 @@ def analyze(
 
     Args:
         robot: any robot with a joint.
-        q, v, a, wrenches, gravity, terms, thrust: as in `joint_torques`.
-        hold: what carries the weight: the base, or vectored thrust in hover; ``auto`` hovers where
-            the robot floats and has apparatuses.
-        tip, tip_point: link and point (m, link axes) of the tip; the last link's end if absent.
-        direction: (3,) of the payload's pull.
-        worst: search the hardest posture inside the joint limits too.
+        q: as in `joint_torques`.
         seed: of that search.
+
+    Options:
+        terms: depth: static, quasi_static or full (the three agree at rest)
+        wrenches: loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes
+        gravity: m/s², world; 0,0,0 for none
+        hold: what carries the weight: base, hover or auto
+        thrust: N per rotor, comma-separated, instead of the hover's
+        v: joint (and base) velocities, comma-separated
+        a: joint (and base) accelerations, comma-separated
+        tip: link that carries the tip; the last one if absent
+        tip_point: x,y,z of the tip on that link, m
+        direction: direction in which the payload pulls
+        worst: search the posture, at rest, that loads a servo hardest
 
     Raises:
         SnakegenError: wrong shapes, NaN, names that do not exist, a hover that cannot be.

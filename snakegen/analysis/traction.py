@@ -34,11 +34,6 @@ COMMAND = "traction"
 EXAMPLE = "screw4 --friction 0.2,0.8 --joint joint1_yaw=0.5"
 ORDER = 61
 REPORT = False  # some seconds of linear programs
-OPTIONS = {
-    "friction": ["", "μ of wheels on the ground, comma-separated; 0.2, 0.5 and its own if absent"],
-    "slope": [0.0, "degrees nose up, on which pull and payload are taken"],
-    "link": ["", "link that carries the payload, at its worst place; the worst link if absent"],
-}
 _NEW = (0.2, 0.5)  # wet or dusty ground, and smooth ground, beside the robot's own
 
 
@@ -129,9 +124,11 @@ def analyze(
     Args:
         robot: with drums.
         q: its joints; its attitude is that at which it rests.
-        friction: μ, comma-separated.
-        slope: degrees, nose up, of pull and payload.
-        link: that carries the payload; the worst one if empty.
+
+    Options:
+        friction: μ of wheels on the ground, comma-separated; 0.2, 0.5 and its own if absent
+        slope: degrees nose up, on which pull and payload are taken
+        link: link that carries the payload, at its worst place; the worst link if absent
 
     Raises:
         AnalysisError: no such friction or slope; drums that do not reach the ground.

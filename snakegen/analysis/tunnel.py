@@ -27,24 +27,6 @@ COMMAND = "tunnel"
 ORDER = 71
 REPORT = False  # needs a hole
 EXAMPLE = "arm6 --mouth 1.25,0.08,0.08 --inwards 1,0,0 --depth 0.3"
-OPTIONS = {
-    "path": [
-        None,
-        "table (CSV, Parquet, YAML) of x,y,z [m] from the base origin: "
-        "the hole's centreline, mouth first",
-    ],
-    "mouth": [None, "x,y,z of a straight hole's mouth, m, in place of a path"],
-    "inwards": ["1,0,0", "direction of that hole"],
-    "depth": [0.3, "m, of that hole"],
-    "room": [0.01, "m, that the body's line may be off the centreline"],
-    "feed": [0.0, "m, that the base can go along the hole's first direction; 0: it is held"],
-    "step": [0.005, "m, between depths"],
-    "give_up": [0.001, "m, tip error at which the line counts as lost"],
-    "margin": [0.0, "rad, kept from the joints' limits"],
-    "obstacles": [None, "YAML of boxes that the body must not touch: obstacles: [{centre, half}]"],
-    "tip": [None, "link that carries the tip; the last one if absent"],
-    "tip_point": [None, "x,y,z of the tip on that link, m"],
-}
 
 
 @dataclass(frozen=True)
@@ -147,15 +129,21 @@ def analyze(
     Args:
         robot: an arm.
         q: (nq,) posture it starts from; the tip first goes to the mouth.
-        path: (m, 3) m from the base origin, world axes, mouth first; or a table of it.
-        mouth, inwards, depth: (3,) m, (3,) and m of a straight hole, in place of a path.
-        room: m, that the body's line may be off the centreline.
-        feed: m, that the base can go along the hole's first direction.
-        step, give_up: m.
-        margin: rad, kept from the joints' limits.
-        tip, tip_point: link and point (m, link axes) that leads; the last link's end if absent.
-        obstacles: boxes that the body must not touch, or a scene file of them; it must not touch
-            itself and the floor below its base either.
+
+    Options:
+        path: table (CSV, Parquet, YAML) of x,y,z [m] from the base origin: the hole's
+            centreline, mouth first
+        mouth: x,y,z of a straight hole's mouth, m, in place of a path
+        inwards: direction of that hole
+        depth: m, of that hole
+        room: m, that the body's line may be off the centreline
+        feed: m, that the base can go along the hole's first direction; 0: it is held
+        step: m, between depths
+        give_up: m, tip error at which the line counts as lost
+        margin: rad, kept from the joints' limits
+        obstacles: YAML of boxes that the body must not touch: obstacles: [{centre, half}]
+        tip: link that carries the tip; the last one if absent
+        tip_point: x,y,z of the tip on that link, m
 
     Raises:
         AnalysisError: no hole, numbers that are none, a mouth that the tip cannot stand in.

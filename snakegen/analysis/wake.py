@@ -20,10 +20,6 @@ from snakegen.robot.rotor_streams import mean_inflow, thrust_kept
 
 COMMAND = "wake"
 ORDER = 45
-OPTIONS = {
-    "reach": [2.0, "m downstream within which a stream counts"],
-    "spread": [0.10, "tangent of the stream's half angle (free jets: about 0.1)"],
-}
 _DRAG = 1.1  # of a cylinder across the flow, where the plant says nothing (Hoerner)
 _LEAST = 0.01  # of a rotor's thrust: what links take below this is not worth a line
 _PIECES = 400  # of a rod, at whose middles the stream is evaluated
@@ -111,6 +107,10 @@ def analyze(robot: Robot, q: Floats, reach: float = 2.0, spread: float = 0.10) -
     A stream is a cone along −u from its rotor: radius ``r + spread · d`` at distance d. A disc of
     radius r' at offset e is touched where ``e < r + spread d + r'``. What it loses is momentum
     theory's share at the same power, as the simulated plant has it (`robot.rotor_streams`).
+
+    Options:
+        reach: m downstream within which a stream counts
+        spread: tangent of the stream's half angle (free jets: about 0.1)
     """
     for name, value in (("reach", reach), ("spread", spread)):
         if not 0.0 <= value < np.inf:

@@ -38,19 +38,6 @@ __all__ = [
 COMMAND = "margin"
 EXAMPLE = "dragon4 --joint joint1_yaw=0.8 --joint joint2_yaw=0.8 --failures"
 ORDER = 50
-OPTIONS = {
-    "tolerance": [1e-3, "relative gap of the certified vectored margins"],
-    "failures": [False, "add the table of each rotor and each apparatus lost"],
-    "link": ["", "where a disturbance acts, for the joint-limited margins; the root link if empty"],
-    "allocator": [
-        "paper",
-        "whose prediction for `push` is named: paper (pseudo-inverse) or constrained (exact)",
-    ],
-    "mass_error": [0.0, "fraction: also the margins guaranteed for a mass this uncertain"],
-    "thrust_error": [0.0, "fraction: the same for thrust limits"],
-    "sensitivity": [False, "add what small changes of the design do, and the best of them"],
-    "picture": ["", "file.png for the picture of --sensitivity"],
-}
 
 
 def applies(robot: Robot) -> bool:
@@ -75,6 +62,17 @@ def analyze(
     Vectored: each apparatus pushes within its gimbals' and thrust limits (`Robot.force_sets`), at
     its point of the posture's gimbal angles, the drag of its rotors along it; the lower of two
     certified bounds is the margin. Dual-rotor: gimbals held at q's angles, exact.
+
+    Options:
+        tolerance: relative gap of the certified vectored margins
+        failures: add the table of each rotor and each apparatus lost
+        link: where a disturbance acts, for the joint-limited margins; the root link if empty
+        allocator: whose prediction for `push` is named: paper (pseudo-inverse) or constrained
+            (exact)
+        mass_error: fraction: also the margins guaranteed for a mass this uncertain
+        thrust_error: fraction: the same for thrust limits
+        sensitivity: add what small changes of the design do, and the best of them
+        picture: file.png for the picture of --sensitivity
 
     Raises:
         DescriptionError: no such link.

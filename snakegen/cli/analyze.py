@@ -83,15 +83,13 @@ def _command(entry: Entry) -> click.Command:
 
     # the analysis' own options stand first in its help
     decorated: Any = posture_options(robot_options(json_option(run)))
-    for name, (default, text) in reversed(entry.options.items()):
-        kind: dict[str, Any] = {"type": type(default)} if default is not None else {}
-        if isinstance(default, bool):
-            kind = {"is_flag": True}
+    for name, option in reversed(entry.options.items()):
+        kind: dict[str, Any] = {"is_flag": True} if option.kind is bool else {"type": option.kind}
         decorated = click.option(
             f"--{name.replace('_', '-')}",
-            default=default,
-            show_default=default != "",
-            help=text,
+            default=option.default,
+            show_default=option.default != "",
+            help=option.meaning,
             **kind,
         )(decorated)
     example = f"snakegen analyze {entry.command} {entry.example}"

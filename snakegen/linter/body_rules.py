@@ -18,6 +18,7 @@ POINT = 1e-6
 """m; a radius of gyration below this is no body's (MuJoCo refuses moments below 1e-15 kg m²)."""
 
 FAR = 50.0  # m
+THIN, DENSE = 1.0, 3e4  # kg/m³, of any part
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ def _plausibility(
         message = f"its centre of mass is {math.hypot(*com):.3g} m away, its shapes reach "
         yield finding("com_outside", where, inertial.line, f"{message}{extent.reach:.3g} m")
     density = mass / extent.volume if extent.volume > 0 else 0.0
-    if extent.volume > 0 and not 1.0 <= density <= 3e4:
+    if extent.volume > 0 and not THIN <= density <= DENSE:
         message = f"{mass:g} kg in {extent.volume:.3g} m³ is {density:.3g} kg/m³"
         yield finding("density", where, inertial.line, message)
 

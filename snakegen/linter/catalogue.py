@@ -233,6 +233,26 @@ _PHYSICS = _tier(
             "Mass over the volume of the shapes is below 1 or above 30,000 kg/m³.",
             "Check units: millimetres for metres, grams for kilograms.",
         ),
+        "mesh_inertia_large": (
+            "warning",
+            "The inertia exceeds that of any distribution of the mass inside the link's meshes.",
+            "Check units, the scale of the meshes, and whether it is about the centre of mass.",
+        ),
+        "mesh_inertia_small": (
+            "warning",
+            "The inertia is below a thousandth of that of the link's meshes, filled evenly.",
+            "Check units: kg m², not g mm²; and the scale of the meshes.",
+        ),
+        "mesh_com_outside": (
+            "warning",
+            "The centre of mass lies outside the link's meshes by a tenth of their size or more.",
+            "Check the units and the frame of the <inertial> origin, and the meshes' origins.",
+        ),
+        "mesh_density": (
+            "warning",
+            "Mass over the volume of the link's meshes is below 1 or above 30,000 kg/m³.",
+            "Check the scale of the meshes (millimetres need scale 0.001) and the mass.",
+        ),
         "mass_range": (
             "warning",
             "A link heavier than 10 t or lighter than 0.1 mg.",

@@ -14,6 +14,7 @@ from snakegen.linter.file_rules import mesh_faults
 from snakegen.linter.finding import Finding, finding
 from snakegen.linter.grammar import EXTENSIONS, grammar_faults
 from snakegen.linter.joint_rules import joint_faults
+from snakegen.linter.mesh_rules import mesh_inertia_faults
 from snakegen.linter.mjcf_rules import mjcf_faults
 from snakegen.linter.rotor_rules import rotor_faults
 from snakegen.linter.tree_rules import tree_faults
@@ -25,7 +26,11 @@ LARGEST = 100_000_000  # bytes of text: some 15,000 links
 
 
 def lint(
-    source: str | Path, *, folder: str | Path | None = None, extensions: Iterable[str] = ()
+    source: str | Path,
+    *,
+    folder: str | Path | None = None,
+    extensions: Iterable[str] = (),
+    quick: bool = False,
 ) -> list[Finding]:
     """Reads a URDF or MJCF and lists what is to be said of it by line; an empty list is clean.
 
@@ -34,6 +39,7 @@ def lint(
         folder: where relative mesh paths start; a path's own folder by default. Without one
             (plain text), missing meshes are not looked for.
         extensions: further tags allowed under ``<robot>`` and not looked into.
+        quick: leave out what reads whole meshes: whether they contradict declared inertias.
 
     Returns:
         Findings (errors, warnings, notes) in the order of their lines.
@@ -49,13 +55,15 @@ def lint(
                 return [finding("too_large", "", 1, f"{message}{LARGEST / 1e6:.0f} are read")]
             text = path.read_text(encoding="utf-8")
             base = base or path.parent
-        return _findings(text, base, frozenset(extensions))
+        return _findings(text, base, frozenset(extensions), quick)
     except (OSError, ValueError) as fault:
         reason = getattr(fault, "strerror", None) or getattr(fault, "reason", None) or str(fault)
         return [finding("unreadable", "", 1, f"cannot be read as UTF-8 text: {reason}")]
 
 
-def _findings(text: str, folder: Path | None, extensions: frozenset[str]) -> list[Finding]:
+def _findings(
+    text: str, folder: Path | None, extensions: frozenset[str], quick: bool
+) -> list[Finding]:
     text = text.removeprefix("\ufeff")
     body = text.lstrip(" \t\r\n")
     late = body.startswith("<?xml") and body != text
@@ -83,6 +91,8 @@ def _findings(text: str, folder: Path | None, extensions: frozenset[str]) -> lis
             *mesh_faults(root, folder),
             *rotor_faults(root),
         ]
+        if folder is not None and not quick and all(f.severity != "error" for f in found):
+            found += mesh_inertia_faults(root, text, folder)
     return sorted(found, key=lambda item: item.line)
 
 
@@ -100,7 +110,7 @@ def check(
         DescriptionError: names the file, line, element and remedy, and counts the other errors.
     """
     refuse(
-        lint(source, folder=folder, extensions=extensions),
+        lint(source, folder=folder, extensions=extensions, quick=True),
         "URDF" if _is_text(source) else str(source),
     )
 
