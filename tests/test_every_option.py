@@ -35,6 +35,8 @@ VALUES: dict[str, dict[str, list[str]]] = {
         "allocator": ["constrained"],
         "mass_error": ["0.05"],
         "thrust_error": ["0.05"],
+        "sensitivity": [""],
+        "picture": ["sensitivity.png"],
     },
     "attitude": {"margin": ["dual_force_margin", "wrench_margin"], "samples": ["4"]},
     "drive": {"path": ["circle", "line"], "speed": ["0.05"], "screw_rate": ["3"]},

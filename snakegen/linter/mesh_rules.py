@@ -141,7 +141,7 @@ def _enclosed(meshes: list[Any]) -> Solid | None:
     try:
         hull = trimesh.convex.convex_hull(np.concatenate(points))
         closed = [m if m.is_watertight else m.convex_hull for m in meshes]
-        filled = trimesh.util.concatenate(closed) if closed else hull
+        filled: Any = trimesh.util.concatenate(closed)
         properties = filled.mass_properties  # of density 1, about the centre of mass
     except Exception:  # Qhull refuses flat sets of points: a sheet bounds nothing
         return None
