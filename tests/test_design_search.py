@@ -53,7 +53,7 @@ SMALL: dict[str, Any] = {
 
 @pytest.fixture(scope="module")
 def problem() -> Problem:
-    return prepare(check_study(SMALL, "small"), Path(), 0)
+    return prepare(check_study(SMALL, "small"), Path())
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_no_design_passes_the_proved_bound(problem):
 def test_proof_refuses_choices_and_masses(problem):
     data = copy.deepcopy(SMALL)
     data["variables"] = {"chain.mass": {"range": [0.8, 1.0]}}
-    heavy = prepare(check_study(data, "heavy"), Path(), 0)
+    heavy = prepare(check_study(data, "heavy"), Path())
     with pytest.raises(StudyError, match="leave the mass"):
         prove(heavy, np.array([0.9]), time.monotonic() + 5.0, lambda *_: None)
 
@@ -161,7 +161,9 @@ def test_study_runs_resumes_and_repeats(tmp_path, monkeypatch):
     scored = []
     monkeypatch.setattr(
         "snakegen.design_search.executor.evaluate",
-        lambda problem, x: scored.append(x) or evaluate(problem, x),
+        lambda problem, x, final: (
+            ((final or scored.append(x)) and None) or evaluate(problem, x, final=final)
+        ),
     )
     again = run.run_study(study, tmp_path / "b", processes=1, resume=True)
     assert 0 < len(scored) < first.scored
@@ -210,7 +212,7 @@ def test_bad_studies_are_one_line(data, words):
 )
 def test_studies_that_do_not_fit_the_robot_are_refused(data, words):
     with pytest.raises(SnakegenError, match=words):
-        prepare(check_study(data, "bad.yaml"), Path(), 0)
+        prepare(check_study(data, "bad.yaml"), Path())
 
 
 def test_constraints_that_exclude_each_other_are_named(tmp_path):

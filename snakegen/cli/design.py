@@ -1,6 +1,8 @@
 """`snakegen design`: the best bodies for a task, certified, and how good any could get."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +68,7 @@ def design(
     if folder.exists() and not folder.is_dir():
         raise SnakegenError(f"-o {folder}: is no folder.")
     bar = progress_bar(f"design {Path(study).stem}")
-    with bar as step:
+    with bar as step, _told_to_resume(folder):
         result = run_study(
             Path(study), folder, seed=seed, minutes=minutes, resume=resume, processes=workers,
             cluster=cluster, tell=note if sys.stderr.isatty() else lambda _: None,
@@ -82,6 +84,16 @@ def design(
     else:
         _print(result, data, folder)
     return 3 if failed else 0
+
+
+@contextmanager
+def _told_to_resume(folder: Path) -> Iterator[None]:
+    """Says on Ctrl-C how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        note(f"what was scored is kept: --resume goes on from {folder}")
+        raise
 
 
 def _print(result: Any, data: dict[str, Any], folder: Path) -> None:

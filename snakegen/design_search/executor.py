@@ -5,7 +5,7 @@ import json
 import multiprocessing
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from snakegen.design_search.evaluate import Score, evaluate
 from snakegen.design_search.problem import Problem
 from snakegen.design_search.study import StudyError
 from snakegen.errors import AnalysisError
-from snakegen.sweep.executors import end_with_parent, interrupts_blocked
+from snakegen.sweep.executors import WorkersLostError, end_with_parent, interrupts_blocked
 
 CHUNK = 6  # designs a task
 Progress = Callable[[int], None]
@@ -27,9 +27,9 @@ class OutOfTimeError(Exception):
     """The time that the search was given is over."""
 
 
-def score_many(problem: Problem, rows: Floats) -> list[Score]:
+def score_many(problem: Problem, rows: Floats, final: bool = False) -> list[Score]:
     """Returns the scores of design vectors (m, d); what a worker runs."""
-    return [evaluate(problem, x) for x in rows]
+    return [evaluate(problem, x, final=final) for x in rows]
 
 
 @contextmanager
@@ -143,13 +143,28 @@ class Scorer:
             self._progress(len(self.known))
         return [self.known[key] for key in keys]
 
-    def _scores(self, chunks: list[list[tuple[float, ...]]]) -> Iterator[list[Score]]:
+    def final(self, rows: Floats) -> list[Score]:
+        """Returns the scores of (m, d) design vectors over the certifying postures."""
+        chunks = [[tuple(float(v) for v in x)] for x in rows]
+        return [s for scores in self._scores(chunks, final=True) for s in scores]
+
+    def _scores(
+        self, chunks: list[list[tuple[float, ...]]], final: bool = False
+    ) -> Iterator[list[Score]]:
         if self._pool is None:
-            yield from (score_many(self.problem, np.array(chunk)) for chunk in chunks)
+            yield from (score_many(self.problem, np.array(chunk), final) for chunk in chunks)
             return
-        with interrupts_blocked():
-            futures = [self._pool.submit(score_many, self.problem, np.array(c)) for c in chunks]
-        yield from (future.result() for future in futures)
+        try:
+            with interrupts_blocked():
+                futures = [
+                    self._pool.submit(score_many, self.problem, np.array(c), final) for c in chunks
+                ]
+            yield from (future.result() for future in futures)
+        except BrokenExecutor:
+            raise WorkersLostError(
+                "workers died: fewer at a time need less memory; what was scored is kept for "
+                "--resume."
+            ) from None
 
     def _write(self, chunk: list[tuple[float, ...]], scores: list[Score]) -> None:
         if self._journal is None:

@@ -1,5 +1,6 @@
 """The designs that are shown: certified over other postures, rebuilt through the templates."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from scipy.stats import binom
 
 from snakegen.base.geometry import Floats
 from snakegen.design_search.body_arrays import BodyArrays
-from snakegen.design_search.evaluate import Score, evaluate, option, score, sign
+from snakegen.design_search.evaluate import Score, option, score, sign
 from snakegen.design_search.posture_margins import certify, place_design
 from snakegen.design_search.problem import Problem, Topology, read_topology, robot_source
 from snakegen.design_search.search import Found
@@ -18,6 +19,7 @@ from snakegen.robot.robot import load
 from snakegen.spec.loading import load_spec
 
 SHOWN = 12  # designs of a front at most
+ScoreAll = Callable[[Floats], list[Score]]
 AGREED = 1e-9  # between closed form and templates, relative
 FRESH = 1000  # postures that try a claim
 DOUBT = 1e-3  # chance that a true claim is called false
@@ -60,18 +62,27 @@ class Design:
         }
 
 
-def shown_designs(problem: Problem, found: Found) -> list[Design]:
+def shown_designs(problem: Problem, found: Found, score_all: ScoreAll) -> list[Design]:
     """Returns the designs of a front, certified and rebuilt, by the first objective, best first.
+
+    The designs next to the search's front are certified too: over other postures they may stand
+    before it.
+
+    Args:
+        problem: the study.
+        found: by the search.
+        score_all: scores design vectors (m, d) over the certifying postures.
 
     Raises:
         StudyError: a rebuilt design differs from its closed form by more than 1e-9.
     """
     names = list(problem.study.objectives)
-    pick = np.unique(np.linspace(0, len(found.front) - 1, SHOWN).round().astype(int))
-    rows = [(found.front[i], evaluate(problem, np.array(found.front[i]), final=True)) for i in pick]
+    rows = list(zip(found.front, score_all(np.array(found.front)), strict=True))
     fit = [(x, s) for x, s in rows if s.feasible] or rows
     best = [row for row in fit if not any(_dominates(other, row[1], names) for _, other in fit)]
     best.sort(key=lambda row: tuple(-sign(n) * row[1].values[n] for n in names))
+    pick = np.unique(np.linspace(0, len(best) - 1, SHOWN).round().astype(int))
+    best = [best[i] for i in pick]
     return [_design(problem, x, s, chr(ord("A") + k)) for k, (x, s) in enumerate(best)]
 
 
@@ -99,10 +110,10 @@ def _design(problem: Problem, x: tuple[float, ...], s: Score, label: str) -> Des
     return Design(label, x, problem.chosen(at), data, s.values, error, tries)
 
 
-def given_design(problem: Problem, folder: Path, seed: int) -> Design | None:
+def given_design(problem: Problem, folder: Path) -> Design | None:
     """Returns the study's robot as it is given; None where it violates a constraint."""
     study = problem.study
-    topology = read_topology(study, robot_source(study, folder), study.fixed, seed)
+    topology = read_topology(study, robot_source(study, folder), study.fixed)
     arrays = topology.skeleton.arrays
     s = score(problem, arrays, topology.indices, topology.sets, topology.resolved, 0.0, final=True)
     if not s.feasible or "price" in s.values:

@@ -167,13 +167,12 @@ def _ordered(unit: dict[str, Any]) -> None:
                 unit[key] = [value[j] for j in order]
 
 
-def prepare(study: Study, folder: Path, seed: int) -> Problem:
+def prepare(study: Study, folder: Path) -> Problem:
     """Makes a study ready: reads the robot once a topology, draws the postures.
 
     Args:
         study: as read.
         folder: of the study's file, where its robot may stand.
-        seed: of the posture sets.
 
     Raises:
         StudyError: fields that cannot vary, or do not exist in some topology.
@@ -204,7 +203,7 @@ def prepare(study: Study, folder: Path, seed: int) -> Problem:
             assert choices is not None
             fixed[names[i]] = choices[k]
         try:
-            topologies[combo] = read_topology(study, robot, fixed, seed)
+            topologies[combo] = read_topology(study, robot, fixed)
         except SnakegenError as error:
             refused = str(error)
     if not topologies:
@@ -243,7 +242,7 @@ def _check_fields(problem: Problem, x: Floats) -> None:
     load_spec(problem.spec_data(x))
 
 
-def read_topology(study: Study, robot: str, fixed: dict[str, Any], seed: int) -> Topology:
+def read_topology(study: Study, robot: str, fixed: dict[str, Any]) -> Topology:
     """Reads the robot with the fields `fixed` through the templates, and draws its postures.
 
     Raises:
@@ -260,8 +259,12 @@ def read_topology(study: Study, robot: str, fixed: dict[str, Any], seed: int) ->
     indices = np.array([skeleton.names.index(n) for n in joints], np.int64)
     data = spec.model_dump(mode="json", exclude_unset=True, exclude_none=True)
     sets = {
-        "range": _range_postures(study, skeleton, joints, study.postures.search, seed),
-        "certify": _range_postures(study, skeleton, joints, study.postures.certify, seed + 1),
+        "range": _range_postures(
+            study, skeleton, joints, study.postures.search, study.postures.seed
+        ),
+        "certify": _range_postures(
+            study, skeleton, joints, study.postures.certify, study.postures.seed + 1
+        ),
     }
     if study.postures.motion:
         sets["motion"] = _motion_postures(study, joints)

@@ -43,7 +43,7 @@ def run_study(
     Args:
         path: of the study.
         folder: of the results; made where absent.
-        seed: of postures and search; the same seed gives the same front on one machine.
+        seed: of the search; the same seed gives the same front on one machine.
         minutes: after which the search ends with what it has; it ends by itself otherwise.
         resume: go on from the journal of an interrupted run.
         processes: workers; all cores if None.
@@ -57,7 +57,7 @@ def run_study(
     study = read_study(path)
     begun = time.monotonic()
     tell(f"{study.name}: reading {study.robot}")
-    problem = prepare(study, path.parent, seed)
+    problem = prepare(study, path.parent)
     folder.mkdir(parents=True, exist_ok=True)
     seconds = None if minutes is None else 60.0 * minutes
     proving = study.search.bound
@@ -72,11 +72,11 @@ def run_study(
             scorer.resume(seed)
         scorer.begin(seed)
         found = search(scorer, seed)
-    step(total, total)
-    took = time.monotonic() - begun
-    tell(f"{study.name}: {found.scored} designs scored; certifying the front")
-    front = shown_designs(problem, found)
-    given = given_design(problem, path.parent, seed)
+        step(total, total)
+        took = time.monotonic() - begun
+        tell(f"{study.name}: {found.scored} designs scored; certifying the front")
+        front = shown_designs(problem, found, scorer.final)
+    given = given_design(problem, path.parent)
     bound = None
     if proving:
         tell(f"{study.name}: proving how good the first objective can get")

@@ -21,6 +21,7 @@ from snakegen.design_search.study import StudyError
 INFEASIBLE = 1e3  # added to the scalar of a design that violates a constraint
 PLAIN_SUM = 0.02  # of the objectives, so that ties are settled by the others
 POPULATION = 6  # designs a variable
+KEPT = 40  # designs for the certifying postures, or a front if it has more
 CLIMBS = 12  # steps along the derivatives
 FIRST_STEP = 0.08  # of the ranges
 
@@ -30,7 +31,8 @@ class Found:
     """What a search found.
 
     Attributes:
-        front: design vectors that no other dominates, by the first objective, best first.
+        front: design vectors that no other dominates, by the first objective, best first; then
+            those that only these dominate, and so on, up to `KEPT`.
         scored: how many designs were scored.
         complete: whether the search ended by itself, not at the deadline.
     """
@@ -56,7 +58,14 @@ def search(scorer: Scorer, seed: int) -> Found:
             _one_trade(scorer, names, weights, k, seed, ask.evaluations // len(runs))
     except OutOfTimeError:
         complete = False
-    front = nondominated(scorer.known, names)
+    left, front = dict(scorer.known), list[tuple[float, ...]]()
+    while len(front) < KEPT:
+        layer = nondominated(left, names)
+        if not layer:
+            break
+        front += layer
+        for x in layer:
+            del left[x]
     if not front:
         raise StudyError(_why_empty(scorer))
     return Found(tuple(front), len(scorer.known), complete)

@@ -69,6 +69,7 @@ class Postures(Part):
     certify: Annotated[int, Field(ge=256, le=65536)] = Field(
         4096, description="other postures, of which the figures that are shown are taken"
     )
+    seed: Annotated[int, Field(ge=0)] = Field(0, description="of both sets")
     motion: list[dict[str, Real]] = Field(
         default_factory=list, description="waypoints by joint, rad; joints not named are at 0"
     )
