@@ -13,7 +13,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c "$(NEW_ENOUGH)" 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test processors check format generated docs bench stress robots speed fuzz wheel clean
+.PHONY: help demo test processors check format generated docs bench studies stress robots speed fuzz wheel clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*##' $(firstword $(MAKEFILE_LIST)) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -91,6 +91,11 @@ $(PRESETS:%=generated/%): generated/%: $(VENV)/runtime.stamp
 bench: $(VENV)/bench.stamp ## run the benchmarks, each against its rival
 	@for file in $(filter-out benchmarks/readme.py benchmarks/stress.py benchmarks/public_robots.py,$(wildcard benchmarks/*.py)); do \
 		echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+# Both design studies, with the proof of the first and flights of the chosen designs.
+studies: $(VENV)/runtime.stamp ## search the design studies again, prove and fly what they choose
+	$(BIN)/snakegen design templates/studies/placement.yaml -o out/studies/placement --fly
+	$(BIN)/snakegen design templates/studies/failure.yaml -o out/studies/failure --fly
 
 stress: $(VENV)/dev.stamp ## kills, full disks, damage and Ctrl-C: KILLS cases each (50)
 	$(BIN)/python -m pytest -m slow tests/test_sweep_storage.py tests/test_journal.py

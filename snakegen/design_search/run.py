@@ -10,6 +10,7 @@ import numpy as np
 
 from snakegen.base.atomic_io import write_atomically
 from snakegen.design_search.bound import Bound, prove
+from snakegen.design_search.evaluate import evaluate
 from snakegen.design_search.executor import Scorer, workers
 from snakegen.design_search.front import given_design, shown_designs
 from snakegen.design_search.front_picture import draw_front
@@ -64,6 +65,10 @@ def run_study(
     share = SEARCHING if proving else 0.9
     deadline = None if seconds is None else begun + share * seconds
     total = study.search.evaluations
+    middle = 0.5 * (problem.low + problem.high)
+    evaluate(
+        problem, np.where(problem.whole, problem.low, middle)
+    )  # compiles, once for all workers
     with workers(processes or os.cpu_count() or 1, cluster) as pool:
         scorer = Scorer(
             problem, pool, folder / JOURNAL, lambda n: step(min(n, total), total), deadline
