@@ -17,7 +17,7 @@ from snakegen.design_search import run
 from snakegen.design_search.ascent import design_gradients
 from snakegen.design_search.body_arrays import BodyArrays, Skeleton
 from snakegen.design_search.bound import prove
-from snakegen.design_search.evaluate import evaluate
+from snakegen.design_search.evaluate import evaluate, least_power
 from snakegen.design_search.posture_margins import certify, place_design
 from snakegen.design_search.problem import Problem, prepare
 from snakegen.design_search.study import StudyError, check_study, read_study
@@ -241,3 +241,14 @@ def test_example_is_a_study_and_shipped_studies_are_read():
 def test_command_without_study_says_how():
     with pytest.raises(SnakegenError, match="--example"):
         CliRunner().invoke(cli, ["design"], catch_exceptions=False)
+
+
+def test_least_power_is_what_equal_rotors_draw_and_less_than_uneven_shares():
+    weight, sizes = 78.48, np.array([0.07, 0.07, 0.1, 0.1])
+    c = 1.0 / (0.6 * np.sqrt(2.0 * 1.2 * np.pi * (0.5 * sizes) ** 2))
+    least = least_power(weight, sizes)
+    rng = np.random.default_rng(0)
+    shares = rng.dirichlet(np.ones(4), 2000) * weight
+    powers = (c * shares**1.5).sum(axis=1)
+    assert least <= powers.min() <= 1.05 * least
+    assert least_power(weight, sizes[:2]) == pytest.approx(2 * c[0] * (weight / 2) ** 1.5)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.base.geometry import Floats
+from snakegen.control.power import AIR, FIGURE_OF_MERIT, battery_joules
 from snakegen.design_search.body_arrays import BodyArrays
 from snakegen.design_search.posture_margins import PlacedDesign, certify, place_design
 from snakegen.design_search.problem import Problem
@@ -13,7 +14,9 @@ from snakegen.design_search.study import FIGURES, MARGINS, Objective
 from snakegen.robot.robot import GRAVITY
 
 SEARCHED, SHOWN = 1e-2, 1e-4  # tolerance of the certified bounds
-LOW_IS_GOOD = ("mass_kg", "length_m", "thrust_to_weight", "price", "joint_effort_Nm")
+LOW_IS_GOOD = (
+    "mass_kg", "length_m", "thrust_to_weight", "price", "joint_effort_Nm", "hover_power_W",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,8 @@ def figures(arrays: BodyArrays, resolved: dict[str, Any], price: float) -> dict[
     places = np.sort(
         [starts[p["link"] - 1] + p["position"] * chain["length"][p["link"] - 1] for p in unit["at"]]
     )
+    power = least_power(arrays.mass * GRAVITY, np.repeat(unit["rotor_diameter"], unit["rotors"]))
+    joules = battery_joules(float(resolved["plant"]["battery_energy"]))
     return {
         "mass_kg": arrays.mass,
         "length_m": float(sum(chain["length"]) + sum(joint["gap"])),
@@ -59,7 +64,19 @@ def figures(arrays: BodyArrays, resolved: dict[str, Any], price: float) -> dict[
         "price": price,
         "apparatus_gap_m": float(np.diff(places).min()) if len(places) > 1 else np.inf,
         "joint_effort_Nm": float(max(joint["effort"], default=0.0)),
+        "hover_power_W": power,
+        "flight_time_min": joules / power / 60.0,
     }
+
+
+def least_power(weight: float, diameters: Floats) -> float:
+    """Returns the least electric power [W] with which rotors carry a weight [N].
+
+    ``P = Σ c T^1.5`` under ``Σ T = m g`` is least at T ∝ 1/c²: ``(m g)^1.5 / √(Σ 1/c²)``, thrusts
+    vertical. No posture needs less; those that share the weight unevenly need more.
+    """
+    c = 1.0 / (FIGURE_OF_MERIT * np.sqrt(2.0 * AIR * np.pi * (0.5 * diameters) ** 2))
+    return float(weight**1.5 / np.sqrt((1.0 / c**2).sum()))
 
 
 def evaluate(problem: Problem, x: Floats, *, final: bool = False) -> Score:

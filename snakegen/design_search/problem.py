@@ -25,6 +25,7 @@ FREE = (
     "vectoring_apparatus.thrust_max", "vectoring_apparatus.thrust_min",
     "vectoring_apparatus.drag_ratio", "vectoring_apparatus.roll_mass",
     "vectoring_apparatus.pitch_mass", "vectoring_apparatus.spin",
+    "vectoring_apparatus.rotor_diameter", "plant.battery_energy",
 )  # fmt: skip
 PART_MASS = {"apparatus": "vectoring_apparatus.pitch_mass", "joint": "joint.mass"}
 TOPOLOGIES = 200
@@ -148,7 +149,7 @@ def put(resolved: dict[str, Any], path: str, value: Any) -> None:
 def _copied(resolved: dict[str, Any]) -> dict[str, Any]:
     """Returns a resolved spec whose chain, joints and apparatuses may be changed."""
     out = dict(resolved)
-    for section in ("chain", "joint", "vectoring_apparatus"):
+    for section in ("chain", "joint", "vectoring_apparatus", "plant"):
         out[section] = {
             k: list(v) if isinstance(v, list) else v for k, v in resolved[section].items()
         }

@@ -12,7 +12,7 @@ from snakegen.design_search.evaluate import sign
 from snakegen.design_search.front import FRESH, Design
 from snakegen.design_search.study import Study
 
-UNITS = {"Nm": "N·m", "N": "N", "kg": "kg", "m": "m"}
+UNITS = {"Nm": "N·m", "N": "N", "kg": "kg", "m": "m", "W": "W", "min": "min"}
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,10 @@ MARGINS = {
     for failed in ("", "_failed")
     for how in ("quantile", "worst")
 }
-FIGURES = ("mass_kg", "length_m", "thrust_to_weight", "price", "apparatus_gap_m", "joint_effort_Nm")
+FIGURES = (
+    "mass_kg", "length_m", "thrust_to_weight", "price", "apparatus_gap_m", "joint_effort_Nm",
+    "hover_power_W", "flight_time_min",
+)  # fmt: skip
 
 
 class StudyError(SnakegenError):
