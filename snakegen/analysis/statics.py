@@ -100,6 +100,9 @@ class StaticsResult:
         alone = "; on the ground its drums carry it" if self.rolls and not self.flies else alone
         out = [("support", _SUPPORTS[self.support] + (alone if self.support == "base" else ""))]
         out.append(("consists of", ", ".join(shares) or "nothing: no load"))
+        shafts = [n for n in self.joints if n in self.free and n not in self.followers]
+        if shafts and not self.rolls:
+            out.append(("rotor shafts", f"{', '.join(shafts)}: no servo holds them, no rows"))
         if self.overloaded:
             out.append(("overloaded", ", ".join(self.overloaded)))
         held = [i for i, name in enumerate(self.joints) if name not in self.free]
