@@ -19,6 +19,7 @@ from snakegen.base.folder_swap import move_files
 from snakegen.base.geometry import rpy_from_rotation
 from snakegen.base.rounding import rounded
 from snakegen.errors import AnalysisError, SnakegenError
+from snakegen.report.answers import answers
 from snakegen.report.collection import Page
 from snakegen.robot.posture import angles_by_name, posture_line
 from snakegen.robot.robot import Robot
@@ -95,7 +96,7 @@ def tidy(text: str) -> str:
 
 def text_page(page: Page, width: int = 100) -> str:
     """Returns the page for a terminal: an analysis with many rows shows the first ones."""
-    parts = [heading(page)]
+    parts = [text_table(heading(page), answers(page), width)]
     for name, result in page.results.items():
         rows = result.rows()
         hidden = len(rows) - _SHOWN
@@ -146,6 +147,10 @@ def _markdown(page: Page, path: Path, pictures: dict[str, list[Path]]) -> list[s
     file = f"{file_stem(robot.name)}.png"
     if (path.parent / file).is_file():
         lines += ["", f"![{robot.name}]({file})"]
+    said = answers(page)
+    if said:
+        lines += ["", "| | |", "|---|---|"]
+        lines += [f"| {_cell(question)} | {_cell(tidy(text))} |" for question, text in said]
     for name, result in page.results.items():
         lines += ["", f"## {name}", "", about[name].help, "", "| | |", "|---|---|"]
         lines += [f"| {_cell(label)} | {_cell(tidy(text))} |" for label, text in result.rows()]

@@ -25,6 +25,7 @@ from snakegen.analysis import catalogue
 from snakegen.base.atomic_io import check_writable, require_suffix, write_atomically
 from snakegen.base.geometry import Floats, quaternion_xyzw
 from snakegen.log import skeleton as sk
+from snakegen.report.answers import answers
 from snakegen.report.collection import Page
 from snakegen.report.page import HTML, heading, plain, tidy
 from snakegen.robot.posture import angles_by_name
@@ -57,7 +58,8 @@ def write_robot_page(page: Page, path: Path, folder: Path | None, command: str) 
     check_writable(path)
     robot, about = page.robot, catalogue()
     charts = robot_charts(page)
-    sections = []
+    said = [(question, tidy(text)) for question, text in answers(page)]
+    sections = [_section("in short", "", said, [])] if said else []
     for name, result in page.results.items():
         rows = [(label, tidy(text)) for label, text in result.rows()]
         sections.append(_section(name, about[name].help, rows, charts.get(name, [])))

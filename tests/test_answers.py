@@ -1,0 +1,61 @@
+"""The first lines of a report: questions answered in words, from the figures below them."""
+
+import numpy as np
+import pytest
+
+import snakegen
+from snakegen.analysis import actuation, hover, singularity, statics, wrench_margin
+from snakegen.report.answers import answers
+from snakegen.report.collection import Page
+
+BENT = {"joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw": 1.0}
+
+
+def _page(robot: snakegen.Robot, posture: dict[str, float]) -> Page:
+    q = np.asarray(robot.configuration(posture, gimbals="hover"))
+    modules = {"actuation": actuation, "singularity": singularity, "hover": hover}
+    modules |= {"margin": wrench_margin, "statics": statics}
+    return Page(robot, q, {k: m.analyze(robot, q) for k, m in modules.items()})
+
+
+@pytest.fixture(scope="module")
+def dragon4() -> snakegen.Robot:
+    return snakegen.load("dragon4")
+
+
+def test_a_bent_body_hovers_moves_and_resists(dragon4: snakegen.Robot) -> None:
+    page = _page(dragon4, BENT)
+    said = answers(page)
+    assert [question for question, _ in said] == [
+        "Can it hover?", "Can it move?", "What does it resist?", "", "How near is a singularity?"
+    ]  # fmt: skip
+    text = dict(said)
+    assert text["Can it hover?"].startswith("yes: 78 N of weight, 128 N of thrust (1.63)")
+    assert "6 of 6 motions" in text["Can it move?"]
+    servo = page.results["margin"].push["virtual_single_rotor"].kinds["force"]["exact_servo"]
+    assert f"{servo.value:.4g} N from any side" in text["What does it resist?"]
+    assert "joint1_yaw" in text["What does it resist?"]
+    assert f"{page.results['singularity'].sigma_min:.2f}" in text["How near is a singularity?"]
+
+
+def test_a_straight_body_is_told_why_before_the_zero_shocks(dragon4: snakegen.Robot) -> None:
+    said = answers(_page(dragon4, {}))
+    torque = said[3][1]
+    assert torque.startswith("0 N·m") and "geometry, bend the body" in torque
+    assert "5 of 6 motions" in dict(said)["Can it move?"]
+
+
+def test_an_under_actuated_body_is_asked_for_height_and_attitude() -> None:
+    page = _page(snakegen.load("dragon3"), {"joint1_yaw": 0.8})
+    text = dict(answers(page))
+    assert text["Can it hover?"].startswith("yes")
+    assert "4 of 6 motions" in text["Can it move?"]
+    assert "N up or down" in text["What does it resist?"]
+
+
+def test_too_heavy_a_body_does_not_hover(dragon4: snakegen.Robot) -> None:
+    from snakegen.spec.loading import load_spec
+
+    spec = load_spec("dragon4", overrides=("vectoring_apparatus.thrust_max=8",))
+    text = dict(answers(_page(snakegen.load(spec), BENT)))
+    assert text["Can it hover?"].startswith("no: 78 N of weight, 64 N of thrust (0.82)")
