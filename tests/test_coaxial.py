@@ -10,7 +10,7 @@ from scipy.integrate import dblquad
 from scipy.optimize import brentq
 
 import snakegen
-from snakegen.analysis import wake
+from snakegen.analysis import hover, wake
 from snakegen.kernels.flight.aerodynamics import add_stream, mean_stream, thrust_in_stream
 from snakegen.robot.rotor_streams import mean_inflow, thrust_kept
 from snakegen.simulation.flight.plant import Imperfections
@@ -93,6 +93,16 @@ def test_wake_names_the_pairs_and_what_they_lose(x8: snakegen.Robot) -> None:
     assert [(o.source, o.hit) for o in found.overlaps] == [(f"up{k}", f"low{k}") for k in range(4)]
     assert all(o.lost == pytest.approx(1 - KEPT, abs=1e-4) for o in found.overlaps)
     assert "loses 32 % of its thrust" in found.rows()[0][1]
+
+
+def test_hover_says_what_streams_take(x8: snakegen.Robot) -> None:
+    found = hover.analyze(x8, x8.configuration())
+    assert set(found.stream_loss) == {f"low{k}" for k in range(4)}
+    assert all(x == pytest.approx(1 - KEPT, abs=1e-3) for x in found.stream_loss.values())
+    assert any("4 rotors lose up to 32 %" in text for _, text in found.rows())
+    assert "lost_in_streams" in found.to_json()
+    dragon = snakegen.load("dragon4")
+    assert not hover.analyze(dragon, dragon.configuration()).stream_loss
 
 
 def test_the_plant_takes_the_same_third(x8: snakegen.Robot) -> None:

@@ -1,6 +1,7 @@
 """Hover: the thrust that each rotor needs, its reserve, the φ servo's load, and the flight time."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,12 @@ from snakegen.control.power import JOULES, battery_joules, power_factors
 from snakegen.robot.box_allocation import box_allocation
 from snakegen.robot.posture import aim_gimbals
 from snakegen.robot.robot import Robot
+from snakegen.robot.rotor_streams import kept_in_streams
 from snakegen.wrench_margins.vectored import set_margins
 
 COMMAND = "hover"
 ORDER = 40
+_LOST = 0.01  # of a rotor's thrust: less is not worth a line
 _MET = 1e-6  # of the weight: a hover whose wrench is met to this is a hover
 
 
@@ -63,6 +66,7 @@ class Hover:
     battery: float = float("inf")
     voltage_sag: float = 0.0
     apparatuses: tuple[str, ...] = ()
+    stream_loss: Mapping[str, float] = field(default_factory=dict)  # by rotor, where 1 % or more
 
     @property
     def thrust_to_weight(self) -> float:
@@ -108,6 +112,7 @@ class Hover:
             "battery_Wh": energy if np.isfinite(energy) else None,
             "weight_N": self.weight,
             "thrust_to_weight": self.thrust_to_weight,
+            **({"lost_in_streams": dict(self.stream_loss)} if self.stream_loss else {}),
             "dual_rotor": {
                 "feasible": self.dual_feasible,
                 "thrust_N": self.dual_thrust.tolist(),
@@ -145,9 +150,19 @@ class Hover:
             *([virtual] if self.vectored else []),
             self._row("dual-rotor", self.dual_feasible, self.dual_thrust,
                       self.thrust_max, self.dual_residual),
+            *self._streams(),
             ("power, flight time", self._endurance()),
             ("moment of λ1 − λ2 on φ servo", self._servo()),
         ]  # fmt: skip
+
+    def _streams(self) -> list[tuple[str, str]]:
+        """Returns the row on rotors in streams: the thrusts above are those of still air."""
+        if not self.stream_loss:
+            return []
+        worst = max(self.stream_loss, key=lambda name: self.stream_loss[name])
+        lost = f"{len(self.stream_loss)} rotors lose up to {100 * self.stream_loss[worst]:.2g} %"
+        how = f"of their dual-rotor thrust ({worst}): hover takes more than these thrusts"
+        return [("lost in streams", f"{lost} {how}")]
 
     def _endurance(self) -> str:
         """Returns power and flight time of the modes that hover."""
@@ -268,10 +283,20 @@ def analyze(robot: Robot, q: Floats) -> Hover:
         battery=battery_joules(robot.modules.plant.get("battery_energy", 0.0)),
         voltage_sag=float(robot.modules.plant.get("voltage_sag", 0.1)),
         apparatuses=robot.apparatus_names,
+        stream_loss=_stream_loss(robot, a, dual),
     )
     if not found.vectored or found.virtual_feasible:
         return found
     return replace(found, possible=_possible(robot, q, a))
+
+
+def _stream_loss(robot: Robot, a: Allocation, thrust: Floats) -> dict[str, float]:
+    """Returns the share of its thrust that each rotor in a stream loses, of 1 % or more."""
+    rotors = [r for apparatus in robot.modules.apparatuses for r in apparatus.rotors]
+    radius = 0.5 * np.array([max(r.diameter, 1e-6) for r in rotors])
+    lost = 1.0 - kept_in_streams(a.rotor_positions, a.rotor_axes, radius, thrust)
+    named = zip(rotors, lost, strict=True)
+    return {r.label: float(x) for r, x in named if x >= _LOST}
 
 
 def _possible(robot: Robot, q: Floats, a: Allocation) -> bool | None:

@@ -47,3 +47,22 @@ def thrust_kept(inflow: ArrayLike) -> Floats:
     for _ in range(8):
         x = x - (x * (mu + x) ** 2 - 1.0) / ((mu + x) ** 2 + 2.0 * x * (mu + x))
     return np.asarray(x * (mu + x))
+
+
+def kept_in_streams(points: Floats, axes: Floats, radius: Floats, thrust: Floats) -> Floats:
+    """Returns the share (n,) of its thrust that each rotor keeps in the streams of the others.
+
+    Args:
+        points, axes: (n, 3) m and unit, discs and directions of thrust.
+        radius: (n,) m.
+        thrust: (n,) N in still air; rotors that push nothing blow nothing.
+    """
+    away = points[None] - points[:, None]
+    down = -np.einsum("rpi,ri->rp", away, axes)
+    offset = np.sqrt(np.maximum(np.sum(away**2, axis=2) - down**2, 0.0))
+    speed = np.sqrt(np.maximum(thrust, 0.0)) / radius  # of the induced velocity, to a factor
+    mean = speed[:, None] * mean_inflow(down, offset, radius[:, None], radius[None])
+    np.fill_diagonal(mean, 0.0)
+    through = np.sum(mean * (axes @ axes.T), axis=0)
+    inflow = np.where(speed > 0, through / np.where(speed > 0, speed, 1.0), 0.0)
+    return thrust_kept(np.maximum(inflow, 0.0))
