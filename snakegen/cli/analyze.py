@@ -11,6 +11,7 @@ from snakegen.cli import HELP, LazyGroup
 from snakegen.cli.options import (
     Source,
     Stance,
+    explain_option,
     json_option,
     note,
     posture_options,
@@ -63,7 +64,8 @@ def _lazy() -> dict[str, tuple[str, str]]:
 def _command(entry: Entry) -> click.Command:
     """Returns the click command of an analysis, with its own options."""
 
-    def run(source: Source, stance: Stance, as_json: bool, **options: Any) -> None:
+    def run(source: Source, stance: Stance, as_json: bool, explain: bool, **options: Any) -> None:
+        from snakegen.report.explanations import explained
         from snakegen.report.page import posture_json, refuse
         from snakegen.robot.posture import posture_line
 
@@ -79,10 +81,11 @@ def _command(entry: Entry) -> click.Command:
             print_json(head | result.to_json())
         else:
             title = f"{source.folder(machine)}: {entry.command}; {posture_line(machine, q)}"
-            print_rows(title, result.rows())
+            rows = result.rows()
+            print_rows(title, explained(entry.command, rows) if explain else rows)
 
     # the analysis' own options stand first in its help
-    decorated: Any = posture_options(robot_options(json_option(run)))
+    decorated: Any = posture_options(robot_options(json_option(explain_option(run))))
     for name, option in reversed(entry.options.items()):
         kind: dict[str, Any] = {"is_flag": True} if option.kind is bool else {"type": option.kind}
         decorated = click.option(

@@ -208,6 +208,9 @@ posture_options = _gathered(
     ),
 )  # fmt: skip
 
+explain_option = click.option(
+    "--explain", is_flag=True, help="Add a sentence to each figure, and where to read more."
+)
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON alone on stdout.")
 
 

@@ -10,6 +10,7 @@ from snakegen.cli.options import (
     Source,
     Stance,
     check_ending,
+    explain_option,
     json_option,
     note,
     page_width,
@@ -23,6 +24,7 @@ from snakegen.cli.options import (
 @click.command(context_settings=HELP)
 @posture_options
 @json_option
+@explain_option
 @click.option(
     "--report",
     "file",
@@ -31,7 +33,7 @@ from snakegen.cli.options import (
     help="Also write a page: .html is one file with the robot in 3-D; .md has plots beside it.",
 )
 @robot_options
-def report(source: Source, stance: Stance, as_json: bool, file: str | None) -> None:
+def report(source: Source, stance: Stance, as_json: bool, explain: bool, file: str | None) -> None:
     """Everything that applies to ROBOT in a posture, on one page.
 
     \b
@@ -56,5 +58,5 @@ def report(source: Source, stance: Stance, as_json: bool, file: str | None) -> N
     if as_json:
         print_json(to_json(page))
     else:
-        for line in text_page(page, width=page_width()).splitlines():
+        for line in text_page(page, width=page_width(), explain=explain).splitlines():
             click.echo(line if line.startswith(" ") else click.style(line, bold=True))

@@ -21,6 +21,7 @@ from snakegen.base.rounding import rounded
 from snakegen.errors import AnalysisError, SnakegenError
 from snakegen.report.answers import answers
 from snakegen.report.collection import Page
+from snakegen.report.explanations import explained
 from snakegen.robot.posture import angles_by_name, posture_line
 from snakegen.robot.robot import Robot
 
@@ -94,14 +95,21 @@ def tidy(text: str) -> str:
     return re.sub(r"(?<![\w.])-(0(?:\.0+)?)(?![\d.e])", rf"{sign}\1", text)
 
 
-def text_page(page: Page, width: int = 100) -> str:
-    """Returns the page for a terminal: an analysis with many rows shows the first ones."""
+def text_page(page: Page, width: int = 100, *, explain: bool = False) -> str:
+    """Returns the page for a terminal: an analysis with many rows shows the first ones.
+
+    Args:
+        page: the results.
+        width: characters a line.
+        explain: add a sentence to each kind of row, and where to read more.
+    """
     parts = [text_table(heading(page), answers(page), width)]
     for name, result in page.results.items():
         rows = result.rows()
         hidden = len(rows) - _SHOWN
         if hidden > 1:
             rows = [*rows[:_SHOWN], ("…", f"{hidden} more: snakegen analyze {name}")]
+        rows = explained(name, rows) if explain else rows
         parts.append(text_table(name, rows, width))
     return "\n".join(parts)
 
