@@ -6,9 +6,10 @@ the gimbals do.
 
 Gimbals also move the CoG and the thrust points, by an offset along ``u⊥/‖u⊥‖``, u⊥ the part of the
 vertical across the roll axis. Beside a vertical link that direction is any, so the model takes
-``offset · u⊥``, which is smooth and vanishes there, and states the rest, ``offset (1 - ‖u⊥‖)``, as
-an uncertainty (`Snapshot.slack`). Of the two pairs of gimbal angles that hover, the one with a
-pitch within ±90° is meant: a body that starts level keeps it unless a link passes the vertical.
+``u⊥ / max(‖u⊥‖, STEEP)``, which changes by at most 1/STEEP per radian and vanishes there, and
+states the rest as an uncertainty (`Snapshot.slack`). Of the two pairs of gimbal angles that hover,
+the one with a pitch within ±90° is meant: a body that starts level keeps it unless a link passes
+the vertical.
 """
 
 from copy import copy
@@ -20,7 +21,7 @@ import pinocchio as pin
 
 from snakegen.base.geometry import Floats, quaternion_xyzw, rotation_about
 from snakegen.errors import PlanError
-from snakegen.planning.mounts import Mounts, mounts_of, zero_thrust
+from snakegen.planning.mounts import STEEP, Mounts, mounts_of, zero_thrust
 from snakegen.planning.reach import Reach, reaches
 from snakegen.planning.shapes import Shapes, shapes_of
 from snakegen.robot.posture import driven_joints
@@ -128,11 +129,12 @@ class PlannedBody:
         origin = np.array([self.data.oMi[j].translation for j in m.joint])
         axis = np.einsum("nij,nj->ni", turns, m.axis)
         across = UP - axis * axis[:, 2:]
+        upright = np.linalg.norm(across, axis=1)
+        across /= np.maximum(upright, STEEP)[:, None]
         zero = self._zero_thrust(turns)
         com = com + (m.moment[:, None] * (across - zero)).sum(axis=0) / self.mass
         points = origin + np.einsum("nij,nj->ni", turns, m.pivot) + m.lever[:, None] * across - com
-        upright = np.linalg.norm(across, axis=1)
-        lost = 1.0 - upright
+        lost = np.maximum(0.0, 1.0 - upright / STEEP)
         slack = float(np.abs(m.moment) @ lost + m.spill.sum()) / self.mass
         q[:3] += pose[:3] - com
         return Snapshot(q, points, np.abs(m.lever) * lost + m.loose + slack, slack, upright)

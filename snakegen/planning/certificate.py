@@ -30,11 +30,13 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.planning.body import PlannedBody
+from snakegen.planning.mounts import STEEP
 from snakegen.planning.trajectory import Trajectory
 
 GJK = 1e-5  # m: coal's distances of curved shapes are iterated to 1e-6
 CLOSED = {"clearance": 1e-3, "self_clearance": 1e-3, "force_margin": 0.02, "torque_margin": 0.02}
 MOST = 60_000  # intervals
+SWUNG = 1.0 + 2.0 / STEEP  # m per m of offset and radian: itself, its direction, its uncertainty
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,8 @@ def certify(
                 for j, c, r in zip(shapes.joints, shapes.centres, shapes.radii, strict=True)
             ]
         )
-        moved = swing.shift + swing.turn * (arms + 3.0 * reach.shift) + reach.shapes @ swing.joints
+        turned = arms + SWUNG * reach.shift
+        moved = swing.shift + swing.turn * turned + reach.shapes @ swing.joints
         first = shapes.pairs[: shapes.outer, 0]
         own = found[shapes.outer :]
         return {
@@ -135,7 +138,7 @@ def certify(
         limits, reach = np.asarray(body.sets.high), body.reach
         out = []
         for (_, swing), now, f, t in zip(swings, nows, force, torque, strict=True):
-            arms = np.linalg.norm(now.points, axis=1) + 3.0 * (
+            arms = np.linalg.norm(now.points, axis=1) + SWUNG * (
                 reach.shift + np.abs(body.mounts.lever)
             )
             rest = float(limits @ now.uncertainty)

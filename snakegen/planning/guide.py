@@ -76,8 +76,10 @@ def guide(scene: Scene, start: Floats, goal: Floats, least: float) -> Floats | N
 
 def openings_on(scene: Scene, way: Floats) -> list[Floats]:
     """Returns the lines (m, 3) through the openings that a way passes, in its order and sense."""
-    found = []
-    for opening in scene.openings:
+    found: list[tuple[int, Floats]] = []
+    for opening in sorted(scene.openings, key=lambda o: -_length(o.line)):
+        if any(_distance(opening.centre, line) < 0.25 for _, line in found):
+            continue  # the hole of a wall round a pipe, or the like
         middle = opening.line.mean(axis=0) if len(opening.line) == 2 else opening.line[0]
         gaps = np.linalg.norm(way - middle, axis=1)
         k = int(np.argmin(gaps))
@@ -87,3 +89,14 @@ def openings_on(scene: Scene, way: Floats) -> list[Floats]:
         line = opening.line if ends[0] <= ends[1] else opening.line[::-1]
         found.append((min(ends), line))
     return [line for _, line in sorted(found, key=lambda pair: pair[0])]
+
+
+def _length(line: Floats) -> float:
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+
+
+def _distance(point: Floats, line: Floats) -> float:
+    """Returns the distance [m] of a point from a line of points, at its samples."""
+    share = np.linspace(0.0, 1.0, 40)[:, None, None]
+    samples = line[:-1] + share * (line[1:] - line[:-1])
+    return float(np.linalg.norm(samples - point, axis=2).min())

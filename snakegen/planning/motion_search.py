@@ -22,7 +22,7 @@ from snakegen.scene.schema import Demands, Place, Scene
 COARSE, FINE = 0.10, 0.04  # m, that the leader advances between postures
 _MISS = 0.08  # m, that rods may cut corners by
 _TRIES = 300
-_FIRST = 18  # families that are looked at in any case
+_FIRST = 36  # families that are looked at in any case
 _EACH = 24  # seeds of a family
 
 
@@ -71,8 +71,10 @@ class Judgement:
         if lacking > 0.0:
             return -10.0 - lacking
         steep = 0.7 * self.roll + (5.0 if self.roll > 1.3 else 0.0)
-        room = min(self.clearance, 0.15) / 0.05 + min(self.torque, 10.0) / 2.0
-        return room + 8.0 * min(self.upright, 0.5) - steep - self.swing - 0.02 * len(self.poses)
+        room = min(self.clearance, 0.15) / 0.05 + min(self.torque, 10.0) / 5.0
+        # noise turns roll gimbals by 1/cos of the slope and by 1/torque margin
+        calm = 4.0 * min(self.torque * self.upright, 4.0)
+        return room + calm - steep - self.swing - 0.02 * len(self.poses)
 
 
 @dataclass(frozen=True, eq=False)

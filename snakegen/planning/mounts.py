@@ -8,6 +8,8 @@ import numpy as np
 from snakegen.base.geometry import Floats
 from snakegen.robot.robot import Robot
 
+STEEP = 0.3  # cosine of a link's slope below which the roll of its hovering gimbal is not relied on
+
 
 @dataclass(frozen=True, eq=False)
 class Mounts:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.base.geometry import Floats
-from snakegen.planning.mounts import Mounts
+from snakegen.planning.mounts import STEEP, Mounts
 from snakegen.planning.shapes import Shapes
 
 
@@ -61,12 +61,12 @@ def reaches(model: Any, ids: list[int], mounts: Mounts, shapes: Shapes, mass: fl
     m = mounts
     tilt = np.array([[float(j in supports[link]) for j in ids] for link in m.joint])
     share = np.abs(m.moment) / mass
-    drift = carried + 2.0 * share @ tilt  # the offsets' own CoG, and what of it is uncertain
+    drift = carried + (2.0 / STEEP) * share @ tilt  # of offsets, and of what of it is uncertain
     extent = np.linalg.norm(shapes.centres, axis=1) + shapes.radii
     rows = _moved(shapes.joints, extent, ids, supports, far)
     pivots = np.linalg.norm(m.pivot, axis=1)
     thrust = _moved(m.joint, pivots, ids, supports, far)
-    thrust = thrust + 2.0 * np.abs(m.lever)[:, None] * tilt
+    thrust = thrust + (2.0 / STEEP) * np.abs(m.lever)[:, None] * tilt
     own = []
     for a, b in shapes.pairs[shapes.outer :]:
         one, two = supports[shapes.joints[a]], supports[shapes.joints[b]]

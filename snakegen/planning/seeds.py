@@ -103,7 +103,7 @@ def _leaning(line: Floats, head: Floats, lean: float) -> Floats:
     size = float(np.linalg.norm(flat))
     if size < 1e-6:
         return line
-    half = (1.0 + 2.0 * lean) * half  # links beside the opening lie lower, and need the room
+    half = (1.0 + 1.2 * lean) * half  # links beside the opening lie lower, and need the room
     long = float(np.linalg.norm(half))
     step = np.cos(lean) * half + np.sin(lean) * long * flat / size
     return np.array([middle - step, middle + step])

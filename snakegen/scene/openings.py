@@ -11,7 +11,7 @@ from snakegen.base.geometry import Floats, rotation_onto
 from snakegen.errors import SceneError
 from snakegen.scene.solids import Solid
 
-RUN = 0.12  # m, that a way goes straight on before and behind an obstacle
+RUN = 0.16  # m, that a way goes straight on before and behind an obstacle
 
 
 @dataclass(frozen=True, eq=False)

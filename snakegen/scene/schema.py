@@ -15,6 +15,7 @@ from snakegen.scene.openings import Opening, pipe, plate
 from snakegen.scene.solids import Solid
 
 FAR = 100.0  # m: a scene larger than this is probably in millimetres
+_BESIDE = 0.45  # m, from the end of the way through an opening to a CoG above or below it
 _KEYS = ("about", "obstacles", "start", "goal", "demands")
 _FIELDS = {
     "box": ("centre", "size", "half", "rpy", "openings"),
@@ -250,8 +251,9 @@ def _place(item: Any, where: str, ways: list[Opening]) -> Place:
             raise SceneError(
                 f"{where}: no opening '{item[sides[0]]}'.{near(str(item[sides[0]]), known)}"
             )
-        away = 0.6 * named[0].normal * (1.0 if sides[0] == "above" else -1.0)
-        cog = named[0].centre + away
+        line = named[0].line if sides[0] == "above" else named[0].line[::-1]
+        out = line[-1] - line[-2]
+        cog = line[-1] + _BESIDE * out / np.linalg.norm(out)
     else:
         cog = _vector(item, "cog", where)
     joints = item.get("joints")
