@@ -21,6 +21,12 @@ from snakegen.errors import LogError
     "--html", metavar="FILE.html", type=click.Path(),
     help="Also write one file that plays the log, with verdict and curves.",
 )  # fmt: skip
+@click.option(
+    "--against", "measured", metavar="TABLE", type=click.Path(),
+    help="Compare with measurements: CSV, Parquet or YAML with time and any of x y z (CoG), "
+    "roll pitch yaw, and joints by name.",
+)  # fmt: skip
+@click.option("--shift", type=float, default=0.0, help="Seconds added to the measurements' times.")
 @click.option("--open", "show", is_flag=True, help="Open the log in the viewer (127.0.0.1).")
 def inspect(
     file: str,
@@ -29,6 +35,8 @@ def inspect(
     png: str | None,
     time: float | None,
     html: str | None,
+    measured: str | None,
+    shift: float,
     show: bool,
 ) -> int:
     """Read metrics and verdict back from FILE.rrd, worked out again from its samples.
@@ -40,6 +48,7 @@ def inspect(
       snakegen inspect flight.rrd
       snakegen inspect flight.rrd --png flight.png
       snakegen inspect flight.rrd --html flight.html
+      snakegen inspect flight.rrd --against measured.csv
       snakegen inspect before.rrd after.rrd
     """
     from snakegen import log
@@ -63,6 +72,10 @@ def inspect(
         note(f"{png} (drawn by {'rerun' if drawn_by == 'viewer' else drawn_by})")
     if html is not None:
         _write_page(recording, Path(html))
+    if measured is not None:
+        return _beside(recording, measured, shift, as_json)
+    if shift:
+        raise LogError("--shift moves the times of measurements; it goes with --against.")
     if as_json:
         print_json(result_json(recording, Path(file)) | {"differing": list(found.differing)})
     else:
@@ -90,6 +103,29 @@ def _write_page(recording: Any, path: Path) -> None:
     robot = from_urdf_text(urdf, None, checked=True)
     write_flight_page(recording, path, robot, mesh_folder(robot, path), typed_command())
     note(f"page: {path}")
+
+
+def _beside(recording: Any, measured: str, shift: float, as_json: bool) -> int:
+    """Prints how far measurements are from the log, a row a column."""
+    from snakegen.log.measured import against
+
+    found = against(recording, measured, shift=shift)
+    if as_json:
+        rows = {
+            d.name: {f"rmse_{d.unit}": d.rmse, f"bias_{d.unit}": d.bias,
+                     f"largest_{d.unit}": d.largest, "at_s": d.time}
+            for d in found
+        }  # fmt: skip
+        print_json({"measured": measured, "differences": rows})
+        return 0
+    wide = max(len(d.name) for d in found)
+    click.echo(f"{'measured − logged':<{wide}}   RMSE       mean       largest")
+    for d in found:
+        click.echo(
+            f"  {d.name:<{wide}}  {d.rmse:<9.4g}  {d.bias:<+9.4g}  {d.largest:+.4g} {d.unit} "
+            f"at {d.time:.2f} s"
+        )
+    return 0
 
 
 def _of_journal(file: Path, journal: Path) -> str:
