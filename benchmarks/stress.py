@@ -105,6 +105,27 @@ def builds(case: Case, kills: int) -> None:
     case.none_running()
 
 
+def conversions(case: Case, kills: int) -> None:
+    """A killed conversion leaves the set of one robot or of the other, whole."""
+    sys.path.insert(0, str(Path(__file__).parent.parent))
+    from tests.foreign_robots import ROBOTS
+
+    sets, within = [], 0.0
+    for mass in ("1.0", "1.5"):
+        text = ROBOTS["serpent"]().replace('<mass value="1.0"/>', f'<mass value="{mass}"/>')
+        (case.folder / f"m{mass}.urdf").write_text(text)
+        within = case.took("convert", f"m{mass}.urdf", "-o", "out")
+        sets.append(contents(case.folder / "out"))
+    case.hold(sets[0] != sets[1], "both robots are the same")
+    for i in range(kills):
+        case.killed("convert", ("m1.0.urdf", "m1.5.urdf")[i % 2], "-o", "out", within=1.1 * within)
+        case.hold(contents(case.folder / "out") in sets, f"kill {i}: a mixed folder")
+    case.took("convert", "m1.0.urdf", "-o", "out")
+    left = {p.name for p in case.folder.iterdir()}
+    case.hold(left == {"out", "m1.0.urdf", "m1.5.urdf"}, f"left: {left}")
+    case.none_running()
+
+
 def sweeps(case: Case, kills: int) -> None:
     """Three kills and resumes, over and over, give the columns of the undisturbed sweep."""
     import pyarrow.parquet as pq
@@ -264,7 +285,8 @@ def both_at_once(case: Case, kills: int) -> None:
 
 
 CASES: dict[str, Callable[[Case, int], None]] = {
-    "build": builds, "sweep": sweeps, "flight": flights, "trials": trials, "ctrl-c": interrupts,
+    "build": builds, "convert": conversions,
+    "sweep": sweeps, "flight": flights, "trials": trials, "ctrl-c": interrupts,
     "damage": damage, "cache": caches, "full-disk": full_disks, "two-sweeps": both_at_once,
 }  # fmt: skip
 

@@ -1,8 +1,9 @@
 """Who catches what: the faulty files of the linter's tests, given to other programs that read URDF.
 
 A fault counts as caught where a program refuses the file, or says more on stderr or in warnings
-than of the sound file. `--public DIR` also counts the public files that each accepts
-(benchmarks/public_robots.py downloads them). `--write` writes the table into README.md.
+than of the sound file. Drake counts where it is installed (pip install drake). `--public DIR` also
+counts the public files that each accepts (benchmarks/public_robots.py downloads them). `--write`
+writes the table into README.md.
 """
 
 import argparse
