@@ -114,3 +114,19 @@ def test_every_command_option_and_field_is_on_a_page() -> None:
 
     assert {name for name, _, _ in hooks.COLUMNS} == set(NUMBERS)
     assert "## transform" in pages["reference/missions.md"]
+
+
+def test_the_notebook_runs_from_top_to_bottom(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import json
+
+    book = json.loads((DOCS / "examples" / "first_minutes.ipynb").read_text(encoding="utf-8"))
+    assert book["nbformat"] == 4 and all(not cell.get("outputs") for cell in book["cells"])
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for cell in book["cells"]:
+        if cell["cell_type"] == "code":
+            exec(compile("".join(cell["source"]), cell["id"], "exec"), names)
+    assert names["torque"][0] < 1e-6 < names["torque"][-1]  # type: ignore[index]
+    assert "passed" in capsys.readouterr().out
