@@ -336,7 +336,7 @@ def test_what_cannot_be_driven_is_refused_with_the_number(screw4, options, error
         ("ledge", {"plant": "kinematic"}, "use plant=contact"),
         ("ledge", {"height": 0.06}, r"61\.8°; they turn 45\.0°"),
         ("rough", {"compliance": 0.0}, "compliance 0"),
-        ("follow", {"points": [[0, 0], [1, math.nan]]}, "way point 1"),
+        ("follow", {"points": [[0, 0], [1, math.nan]]}, "waypoint 1"),
         ("follow", {"points": [[0, 0], [1]]}, "x, y pairs"),
     ],
 )

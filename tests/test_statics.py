@@ -349,7 +349,7 @@ def test_a_bent_body_of_two_apparatuses_hovers_by_its_four_rotors(robots):
     np.testing.assert_allclose(result.torque, again.torque, atol=1e-5)
     rows = dict(result.rows())
     assert rows["support"] == "dual-rotor hover, gimbals as they stand"
-    assert "tip bears (root held)" in rows and result.to_json()["tip_load"]["root_held"]
+    assert "tip load capacity (root held)" in rows and result.to_json()["tip_load"]["root_held"]
     tilted = analyze(robot, robot.configuration({"joint1_yaw": 1.2}, base_rpy=(0.5, 0.0, 0.0)))
     assert dict(tilted.rows())["support"] == "base held: its rotors cannot hold it here"
     with pytest.raises(AnalysisError, match="hold the base instead"):
@@ -358,4 +358,4 @@ def test_a_bent_body_of_two_apparatuses_hovers_by_its_four_rotors(robots):
 
 def test_an_arm_is_not_told_that_its_root_is_held(robots):
     rows = dict(analyze(robots["arm6"], np.zeros(12)).rows())
-    assert rows["support"] == "base held" and "tip bears" in rows
+    assert rows["support"] == "base held" and "tip load capacity" in rows

@@ -15,6 +15,7 @@ from scipy.optimize import minimize
 
 from snakegen.analysis import wrench_margin as margin
 from snakegen.analysis.allocation import allocation
+from snakegen.base.geometry import rotation_from_rpy
 from snakegen.errors import AnalysisError
 from snakegen.kernels.margins.posture_batch import segment_distance
 from snakegen.robot.posture import hover_gimbals
@@ -227,7 +228,7 @@ def test_a_cluster_runs_the_same_sweep_and_survives_a_dead_worker(
 
         sweep(
             robot, robot.chain_joints, samples, path,
-            cluster=cluster.scheduler_address, progress=kill_one,
+            workers=cluster.scheduler_address, progress=kill_one,
         )  # fmt: skip
     assert killed
     assert_same_sweep(robot, samples, path)
@@ -237,7 +238,7 @@ def test_a_cluster_that_is_not_there_is_one_line(robot: Robot, tmp_path: Path) -
     with pytest.raises(AnalysisError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         sweep(
             robot, robot.chain_joints, some(robot, 4), tmp_path / "s.parquet",
-            cluster="tcp://127.0.0.1:9",
+            workers="tcp://127.0.0.1:9",
         )  # fmt: skip
 
 
@@ -365,3 +366,30 @@ def test_bad_options_are_one_line_before_any_work(
         main(["analyze", "sweep", "dragon4", "--samples", "4", "-o", str(out), *arguments])
     assert left.value.code in (1, 2)
     assert says in capsys.readouterr().err and not out.exists()
+
+
+def test_joints_and_attitude_are_held(robot: Robot, tmp_path: Path) -> None:
+    """A sweep of two joints with the others held is that of all joints with columns to match."""
+    posture = robot.configuration(
+        {"joint1_pitch": 0.3, "joint3_yaw": -0.7, "base_rpy": (0.2, 0, 0)}
+    )
+    names = chosen_joints(robot, None, posture.posture())
+    assert set(names) == set(robot.chain_joints) - {"joint1_pitch", "joint3_yaw"}
+    with pytest.raises(AnalysisError, match="cannot be varied too"):
+        chosen_joints(robot, "joint1_pitch", posture.posture())
+    rows = np.random.default_rng(3).uniform(-0.5, 0.5, (6, 2))
+    chosen = ("joint1_yaw", "joint2_yaw")
+    path = sweep(robot, chosen, rows, tmp_path / "held.parquet", posture=posture, workers=1)
+    whole = np.zeros((6, len(robot.chain_joints)))
+    for name, column in (
+        *zip(chosen, rows.T, strict=True),
+        ("joint1_pitch", 0.3),
+        ("joint3_yaw", -0.7),
+    ):
+        whole[:, robot.chain_joints.index(name)] = column
+    want = evaluate(
+        Body.of(robot, robot.chain_joints, rotation_from_rpy((0.2, 0.0, 0.0)), 1e-3), whole
+    )
+    found = pq.read_table(path)
+    for column in ("force_margin", "dual_torque_margin", "self_distance"):
+        np.testing.assert_allclose(found[column], want[column], rtol=1e-12)

@@ -242,7 +242,7 @@ def test_a_scheduler_that_dies_is_one_error_and_the_parts_are_kept(
         worker = subprocess.Popen([*work, "--no-nanny", "--nthreads", "1"], **quiet)
         with pytest.raises(executors.WorkersLostError, match="was lost"):
             sweep(
-                robot, robot.chain_joints, some(robot, 7, 400), path, cluster=address,
+                robot, robot.chain_joints, some(robot, 7, 400), path, workers=address,
                 progress=lambda done, total: scheduler.kill() if done >= 20 else None,
             )  # fmt: skip
     finally:

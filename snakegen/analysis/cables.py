@@ -314,8 +314,8 @@ def _why(result: CablesResult, maximum: float) -> str:
     i = int(np.argmax(np.abs(shortage)))
     others = int(np.sum(np.abs(shortage) > 1e-7)) - 1
     cap = f" within {maximum:g} N" if np.isfinite(maximum) else ""
-    more = f" ({others} more joints lack some)" if others else ""
+    more = f" ({others} more joints need more)" if others else ""
     return (
-        f"not held{cap}: {joints[i]} needs {torque[i]:.4g} N·m and lacks "
+        f"not held{cap}: {joints[i]} needs {torque[i]:.4g} N·m and is short of "
         f"{abs(shortage[i]):.4g} N·m{more}"
     )

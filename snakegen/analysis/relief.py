@@ -89,7 +89,7 @@ class ReliefResult:
 
 
 def _newtons(force: float) -> str:
-    return "none: they do not bear the posture" if np.isnan(force) else f"{force:.4g} N"
+    return "none: they cannot hold the posture" if np.isnan(force) else f"{force:.4g} N"
 
 
 def applies(robot: Robot) -> bool:

@@ -138,21 +138,21 @@ class StaticsResult:
         if load.payload == 0.0:
             return [("tip", f"on {self.tip[0]}: nothing more, a joint is overloaded already")]
         sag = f"{1e3 * float(np.linalg.norm(load.sag)):.3g} mm by its servos"
-        # A free body gives way, or its rotors answer anew: neither is what was worked out here.
+        # A free body moves, or its rotors react: neither is what was computed here.
         how = " (root held)" if self.flies else ""
         any_wrench = f"{load.wrench_radius:.4g} N in every direction of [force; torque / "
         any_wrench += f"{load.lever:.3g} m] (limit: {load.wrench_joint})"
         if np.isinf(load.wrench_radius):
             any_wrench = "of any size: no limit is declared that it reaches"
         return [
-            (f"tip bears{how}", bears(load.force_radius, "N", load.force_joint, load.free)),
+            (f"tip load capacity{how}", bears(load.force_radius, "N", load.force_joint, load.free)),
             ("", bears(load.torque_radius, "N·m", "", load.torque_free)),
             ("  any wrench", any_wrench),
             (
                 f"tip carries{how}",
                 "any weight" if np.isinf(load.payload) else f"{load.payload:.4g} kg",
             ),
-            ("tip gives way", sag),
+            ("tip deflection", sag),
         ]
 
     def to_json(self) -> dict[str, Any]:

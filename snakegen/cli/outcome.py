@@ -1,4 +1,4 @@
-"""What a run tells on the terminal: progress, the checks, what was promised and what came of it."""
+"""Terminal output of a run: progress, checks, prediction and measured result."""
 
 import sys
 from pathlib import Path

@@ -3,7 +3,6 @@
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import click
 from snakegen.cli import HELP
 from snakegen.cli.options import (
     Source,
+    Stance,
     at_least,
     check_ending,
     json_option,
@@ -19,6 +19,7 @@ from snakegen.cli.options import (
     print_json,
     print_rows,
     robot_options,
+    start_options,
 )
 from snakegen.cli.outcome import progress_bar
 from snakegen.errors import SnakegenError
@@ -43,9 +44,11 @@ ANNOUNCED = 100_000  # postures from which on a sweep says beforehand what it wi
     help="Postures to take: a table (CSV, Parquet or YAML) whose header names joints.",
 )
 @click.option(
-    "--joints", metavar="A,B,…", help="Joints to vary; all that shape the body by default."
+    "--joints",
+    "varied",
+    metavar="A,B,…",
+    help="Joints to vary; all that shape the body by default.",
 )
-@click.option("--base-rpy", metavar="R,P,Y", help="Attitude of the root link in rad.")
 @click.option(
     "--tolerance", type=float, default=1e-3, show_default=True, help="Of certified margins."
 )
@@ -59,15 +62,16 @@ ANNOUNCED = 100_000  # postures from which on a sweep says beforehand what it wi
 )
 @click.option("--map", "axes", metavar="JOINT,JOINT", help="Picture of the margin over two joints.")
 @json_option
+@start_options
 @robot_options
 def sweep(
     source: Source,
+    stance: Stance,
     samples: int,
     seed: int,
     kind: str,
     table: str | None,
-    joints: str | None,
-    base_rpy: str | None,
+    varied: str | None,
     tolerance: float,
     out: str | None,
     resume: bool,
@@ -80,19 +84,25 @@ def sweep(
 ) -> None:
     """Certified margins of many postures of ROBOT, as Parquet; gimbals point up in each.
 
+    --joint and --posture hold joints, which the sweep then does not vary; --base-rpy is the
+    attitude of all postures.
+
     \b
     Example:
       snakegen analyze sweep dragon4 --samples 20000 --worst --map joint1_yaw,joint2_yaw
       snakegen analyze sweep dragon4 --from postures.csv -o margins.parquet
     """
+    from snakegen.robot.posture import posture_line
+    from snakegen.sweep.run import body_at
     from snakegen.sweep.run import sweep as run
     from snakegen.sweep.samples import Table, chosen_joints, read_postures, sampling
     from snakegen.sweep.store import read_columns
 
     _check_margin(column, worst)
     check_ending("-o", out, ".parquet")
-    machine = source.machine()
-    names = chosen_joints(machine, joints)
+    machine, held = stance.asked(source.machine())
+    names = chosen_joints(machine, varied, held)
+    posture = machine.configuration(held)
     drawn_over = _map_axes(axes, names)
     low, high, _ = machine.limits(names)
     drawn = (
@@ -106,8 +116,8 @@ def sweep(
         "sampling": "table" if table else kind,
         "spec": _spec_text(source),
     }
-    how: dict[str, Any] = {"base_rpy": _rpy(base_rpy), "tolerance": tolerance, "workers": workers}
-    how |= {"identity": identity, "resume": resume, "cluster": cluster}
+    how: dict[str, Any] = {"posture": posture, "tolerance": tolerance}
+    how |= {"identity": identity, "resume": resume, "workers": cluster or workers}
     if drawn.count >= ANNOUNCED and not resume:
         note(_estimate(machine, names, drawn, how))
     with progress_bar(f"{machine.name} sweep") as step, _kept(path):
@@ -118,19 +128,21 @@ def sweep(
         from snakegen.report.sweep_maps import sweep_map
 
         picture = path.with_suffix(".png")
-        sweep_map(picture, machine, read_columns(path, (*names, column)), column, drawn_over)
+        sweep_map(picture, machine, read_columns(path, (*names, column)), column, drawn_over, held)
     if worst:
-        summary["worst"] = _refine(machine, names, base_rpy, tolerance, path, column)
+        body = body_at(machine, names, posture, tolerance)
+        summary["worst"] = _refine(body, path, column)
         summary["worst"]["least_sampled"] = summary["least"]
+    if held:
+        summary["held"] = held
     files = {"table": str(path)} | ({"map": str(picture)} if picture else {})
     if as_json:
         print_json(files | summary)
         return
     for file in files.values():
         note(file)
-    print_rows(
-        f"{source.folder(machine)}: sweep of {summary['postures']:,} postures", _rows(summary)
-    )
+    title = f"{source.folder(machine)}: sweep of {summary['postures']:,} postures"
+    print_rows(f"{title}; {posture_line(machine, posture)}" if held else title, _rows(summary))
 
 
 class Interrupted(SnakegenError):
@@ -173,14 +185,12 @@ def _kept(path: Path) -> Iterator[None]:
 
 def _estimate(machine: Any, names: Any, drawn: Any, how: dict[str, Any]) -> str:
     """Returns the line that says what a long sweep will take."""
-    from snakegen.base.geometry import rotation_from_rpy
-    from snakegen.sweep.batch import Body
     from snakegen.sweep.estimate import estimate, part_rows
-    from snakegen.sweep.run import PART
+    from snakegen.sweep.run import PART, body_at
 
-    body = Body.of(machine, names, rotation_from_rpy(how["base_rpy"]), how["tolerance"])
-    part = part_rows(len(names), PART)
-    return estimate(body, drawn, part, how["workers"], timed=how["cluster"] is None).text()
+    body = body_at(machine, names, how["posture"], how["tolerance"])
+    part, here = part_rows(len(names), PART), not isinstance(how["workers"], str)
+    return estimate(body, drawn, part, how["workers"] if here else None, timed=here).text()
 
 
 def _spec_text(source: Source) -> str:
@@ -217,20 +227,6 @@ def _map_axes(axes: str | None, names: Any) -> tuple[str, str] | None:
     return joints[0], joints[1]
 
 
-def _rpy(text: str | None) -> tuple[float, float, float]:
-    from snakegen.errors import PostureError
-
-    if text is None:
-        return (0.0, 0.0, 0.0)
-    try:
-        r, p, y = (float(part) for part in text.split(","))
-        if not all(isfinite(angle) for angle in (r, p, y)):
-            raise ValueError
-    except ValueError:
-        raise PostureError(f"--base-rpy '{text}': write three angles, as in 0,0.2,0.") from None
-    return (r, p, y)
-
-
 def _summary(found: Any, column: str) -> dict[str, Any]:
     import numpy as np
 
@@ -247,14 +243,9 @@ def _summary(found: Any, column: str) -> dict[str, Any]:
     } | {n: float(v) for n, v in zip(names, quantiles, strict=True)}
 
 
-def _refine(
-    machine: Any, names: Any, base_rpy: str | None, tolerance: float, path: Path, column: str
-) -> dict[str, Any]:
-    from snakegen.base.geometry import rotation_from_rpy
-    from snakegen.sweep.batch import Body
+def _refine(body: Any, path: Path, column: str) -> dict[str, Any]:
     from snakegen.sweep.worst import refine, worst_rows
 
-    body = Body.of(machine, names, rotation_from_rpy(_rpy(base_rpy)), tolerance)
     w = refine(body, worst_rows(body, path, column), column)
     return {
         "posture": {n: float(a) for n, a in zip(w.joints, w.angles, strict=True)},

@@ -39,7 +39,7 @@ def gimbal_limits(robot: Robot) -> tuple[Floats, Floats]:
 
 
 def give(robot: Robot, names: Sequence[str]) -> Floats:
-    """Returns (k,) rad/(N m) by which the servos of joints give way: 1 over their stiffness.
+    """Returns (k,) rad/(N m) compliance of the servos of joints: 1 over their stiffness.
 
     0 where there is no servo, or none with a stiffness.
     """

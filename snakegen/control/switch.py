@@ -173,7 +173,7 @@ def _refusal(
     if mode == VIRTUAL and check.map_sigma_min < check.threshold:
         return _grip_loss(controller, angles, rotation, last)  # no answer beyond this one counts
     if check.sigma_min >= check.threshold:
-        return "hover would need thrusts beyond their limits"
+        return "hover would need thrusts outside their limits"
     below = f"is below {check.threshold:g} in this posture"
     if mode == VIRTUAL:
         return f"scaled σ_min(J_w) = {check.sigma_min:.2g} {below}"

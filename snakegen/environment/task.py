@@ -52,7 +52,7 @@ class Task:
 
         Args:
             robot: what `snakegen.load` takes, or a Robot.
-            mission: a flight mission or a file of way points.
+            mission: a flight mission or a file of waypoints.
             action: ``actuators``: thrust of each rotor and angle of each gimbal between their
                 limits; ``wrench``: force and torque that the robot's own allocation turns into
                 these.

@@ -211,7 +211,7 @@ def _size_faults(link: Node, shape: Node) -> Iterator[Finding]:
         elif name == "scale" and math.prod(values or (1.0,)) < 0:
             yield finding("mirrored_mesh", label(link), shape.line, f"{shown} mirrors it")
         elif name != "scale" and any(v > FAR for v in values):
-            yield finding("size_range", label(link), shape.line, f"{shown} is beyond {FAR:g} m")
+            yield finding("size_range", label(link), shape.line, f"{shown} exceeds {FAR:g} m")
 
 
 def _far_faults(owner: Node, node: Node) -> Iterator[Finding]:

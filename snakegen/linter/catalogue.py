@@ -260,7 +260,7 @@ _PHYSICS = _tier(
         ),
         "size_range": (
             "warning",
-            "A shape or an offset beyond 50 m.",
+            "A shape or an offset of more than 50 m.",
             "Check the unit: metres, not millimetres.",
         ),
         "bad_size": (
@@ -313,7 +313,7 @@ _PHYSICS = _tier(
         ),
         "effort_placeholder": (
             "note",
-            "An effort limit beyond 100,000 N m is a placeholder.",
+            "An effort limit above 100,000 N m is a placeholder.",
             "Enter the actuator's torque.",
         ),
         "friction_above_effort": (
@@ -454,7 +454,7 @@ _MJCF = _tier(
         ),
         "mjcf_range_ignored": (
             "warning",
-            'A range stands beside limited="false", so it does not hold.',
+            'A range is given with limited="false", which switches it off.',
             "Remove one of the two.",
         ),
         "mjcf_degrees": (

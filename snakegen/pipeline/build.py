@@ -15,7 +15,7 @@ from snakegen.spec.robot_spec import RobotSpec
 
 
 class GateError(SnakegenError):
-    """URDF and MJCF disagree: the build's proof failed."""
+    """URDF and MJCF disagree: the equivalence check failed."""
 
     exit_code = 3
 
@@ -25,13 +25,13 @@ class Build:
     """What a build wrote.
 
     Attributes:
-        urdf: the URDF, the only truth.
+        urdf: the URDF, the single source of truth.
         mjcf: the MJCF derived from it.
         scene: the MJCF on a floor.
         spec: the resolved spec.
         picture: a rendered PNG, None if not asked for.
         picture_note: why the picture is a drawing and not a rendering, empty if it is one.
-        equivalence: the gate's figures.
+        equivalence: figures of the check of MuJoCo against Pinocchio.
         warnings: of the spec and the lint.
     """
 

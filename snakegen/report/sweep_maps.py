@@ -1,5 +1,6 @@
 """Pictures of a sweep: the least margin over two joints, its histogram, the worst postures."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,12 @@ _WORST = 3
 
 
 def sweep_map(
-    path: Path, robot: Robot, table: pa.Table, column: str, joints: tuple[str, str]
+    path: Path,
+    robot: Robot,
+    table: pa.Table,
+    column: str,
+    joints: tuple[str, str],
+    held: Mapping[str, Any] | None = None,
 ) -> Path:
     """Draws `column` over two joints (least value in each cell), its histogram, the worst three.
 
@@ -27,6 +33,7 @@ def sweep_map(
         table: of a sweep.
         column: a margin.
         joints: the two axes of the map.
+        held: joint angles and attitude that all postures share, as `Robot.configuration` takes.
 
     Raises:
         AnalysisError: a joint or margin that the sweep does not have, or no finite value.
@@ -45,7 +52,8 @@ def sweep_map(
         order = np.argsort(np.where(np.isfinite(values), values, np.inf))[:_WORST]
         for place, row in enumerate(order):
             axes = fig.add_subplot(grid[1, place])
-            _posture(axes, robot, table, int(row), f"{values[row]:.3g} {_UNITS.get(column, '')}")
+            title = f"{values[row]:.3g} {_UNITS.get(column, '')}"
+            _posture(axes, robot, table, int(row), title, held or {})
 
     return save(path, (12.0, 8.0), draw)
 
@@ -79,9 +87,9 @@ def _histogram(axes: Any, values: Any, column: str) -> None:
     )
 
 
-def _posture(axes: Any, robot: Robot, table: pa.Table, row: int, title: str) -> None:
-    from snakegen.robot.posture import hover_gimbals
-
+def _posture(
+    axes: Any, robot: Robot, table: pa.Table, row: int, title: str, held: Mapping[str, Any]
+) -> None:
     names = [n for n in table.column_names if n in robot.joint_names]
-    q = hover_gimbals(robot, robot.configuration({n: table[n][row].as_py() for n in names}))
-    draw_robot(axes, **figure(robot, q), title=title)
+    posture = dict(held) | {n: table[n][row].as_py() for n in names}
+    draw_robot(axes, **figure(robot, robot.configuration(posture, gimbals="hover")), title=title)

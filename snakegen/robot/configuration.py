@@ -82,10 +82,10 @@ class Configuration(np.ndarray):
         """Returns the robot and what differs from its neutral posture, in rad and m."""
         if self.ndim != 1:  # of a reshaped one
             return repr(self.q)
-        told = [f"{n}={_short(a)}" for n, a in self.posture().items()]
-        if len(told) > SHOWN:
-            told[SHOWN:] = [f"… {len(told) - SHOWN} more"]
-        return f"Configuration({', '.join([self.robot.name, *told])})"
+        parts = [f"{n}={_short(a)}" for n, a in self.posture().items()]
+        if len(parts) > SHOWN:
+            parts[SHOWN:] = [f"… {len(parts) - SHOWN} more"]
+        return f"Configuration({', '.join([self.robot.name, *parts])})"
 
     __str__ = __repr__
 

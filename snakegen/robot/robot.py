@@ -1,4 +1,4 @@
-"""Robot: a Pinocchio model and its modules, read from a URDF, the only truth."""
+"""Robot: a Pinocchio model and its modules, read from a URDF, the single source of truth."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -88,7 +88,7 @@ NAMED: dict[str, Callable[[], list[Piece]]] = {
 
 
 def waypoints(points: ArrayLike, radius: float) -> tuple[list[Piece], tuple[float, float, float]]:
-    """Returns the path through way points (m, 2) with corners rounded to `radius`, and its start.
+    """Returns the path through waypoints (m, 2) with corners rounded to `radius`, and its start.
 
     The path itself begins at the origin along +x; the start ``(x, y, heading)`` says where that
     lies. A corner of turn β uses up ``radius · tan(β/2)`` of both its legs; raises AnalysisError
@@ -97,23 +97,23 @@ def waypoints(points: ArrayLike, radius: float) -> tuple[list[Piece], tuple[floa
     try:
         p = np.asarray(points, float)
     except (TypeError, ValueError):
-        raise AnalysisError("way points must be x, y pairs, as in [[0, 0], [2, 1]].") from None
+        raise AnalysisError("waypoints must be x, y pairs, as in [[0, 0], [2, 1]].") from None
     if p.ndim != 2 or p.shape[1] != 2 or len(p) < 2:
-        raise AnalysisError(f"way points must be at least two x, y pairs; got {p.shape}.")
+        raise AnalysisError(f"waypoints must be at least two x, y pairs; got {p.shape}.")
     if not np.isfinite(p).all():
         bad = int(np.argmin(np.isfinite(p).all(axis=1)))
-        raise AnalysisError(f"way point {bad} is {p[bad].tolist()}: finite numbers are needed.")
+        raise AnalysisError(f"waypoint {bad} is {p[bad].tolist()}: finite numbers are needed.")
     legs = np.diff(p, axis=0)
     lengths = np.hypot(legs[:, 0], legs[:, 1])
     if (lengths == 0).any():
-        raise AnalysisError(f"way points {lengths.argmin()} and {lengths.argmin() + 1} coincide.")
+        raise AnalysisError(f"waypoints {lengths.argmin()} and {lengths.argmin() + 1} coincide.")
     headings = np.arctan2(legs[:, 1], legs[:, 0])
     turns = (np.diff(headings) + np.pi) % (2 * np.pi) - np.pi
     cut = np.concatenate([[0.0], np.tan(np.abs(turns) / 2), [0.0]])
     worst = float(((cut[:-1] + cut[1:]) / lengths).max())
     if radius <= 0 or radius * worst > 1 + 1e-12:
         fits = f"at most {1 / worst:.4g} m fits" if worst > 0 else "it must be positive"
-        raise AnalysisError(f"a corner radius of {radius:g} m does not fit the way points: {fits}.")
+        raise AnalysisError(f"a corner radius of {radius:g} m does not fit the waypoints: {fits}.")
     path: list[Piece] = []
     for k, length in enumerate(lengths):
         path.append(("line", float(max(length - radius * (cut[k] + cut[k + 1]), 0.0))))

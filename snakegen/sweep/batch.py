@@ -1,5 +1,6 @@
 """Margins of a batch of postures of one robot: hover gimbals, both modes, self-collision."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,10 +25,17 @@ class Body:
     indices: np.ndarray
     base: Floats
     tolerance: float
+    held: Mapping[str, float]  # rad, by joint; those in neither are at 0
 
     @staticmethod
-    def of(robot: Robot, joints: tuple[str, ...], base: Floats, tolerance: float) -> "Body":
-        """Returns the body of a sweep over `joints`.
+    def of(
+        robot: Robot,
+        joints: tuple[str, ...],
+        base: Floats,
+        tolerance: float,
+        held: Mapping[str, float] | None = None,
+    ) -> "Body":
+        """Returns the body of a sweep over `joints`, with joints held at angles [rad].
 
         Raises:
             AnalysisError: a robot without apparatuses or with a fixed base.
@@ -40,7 +48,7 @@ class Body:
                 "margins and needs a floating one."
             )
         indices = np.array([robot.joint_names.index(n) for n in joints], np.int64)
-        return Body(robot, joints, indices, base, tolerance)
+        return Body(robot, joints, indices, base, tolerance, dict(held or {}))
 
     @cached_property
     def task(self) -> Task:
@@ -53,6 +61,8 @@ class Body:
             robot.tree, robot.rotors, robot.gimbals, robot.force_shapes, low, high, self.indices,
             self.base, bodies, ends, rods, np.array(radii), _owners(robot), robot.force_scale,
             robot.torque_scale, self.tolerance, GRAVITY,
+            np.array([robot.joint_names.index(n) for n in self.held], np.int64),
+            np.array([*self.held.values()], float),
         )  # fmt: skip
 
 

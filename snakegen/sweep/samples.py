@@ -2,7 +2,7 @@
 
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,11 +20,18 @@ MOST = 50_000_000
 _STEP = 0.05  # share of a joint's range that a walk moves at once
 
 
-def chosen_joints(robot: Robot, names: str | None) -> tuple[str, ...]:
-    """Returns the joints to sample: those named (comma-separated), or all that shape the body."""
+def chosen_joints(robot: Robot, names: str | None, held: Collection[str] = ()) -> tuple[str, ...]:
+    """Returns the joints to sample: those named (comma-separated), or all that shape the body.
+
+    Raises:
+        AnalysisError: a joint that is unknown, a gimbal, named twice, or `held` as well; none left.
+    """
     refuse_followers(robot.name, robot.followers, "a sweep")
     if not names:
-        return robot.chain_joints
+        free = tuple(n for n in robot.chain_joints if n not in held)
+        if robot.chain_joints and not free:
+            raise AnalysisError(f"every joint of {robot.name} is held: none is left to vary.")
+        return free
     out = tuple(n.strip() for n in names.split(","))
     for name in out:
         if name not in robot.joint_names:
@@ -32,6 +39,8 @@ def chosen_joints(robot: Robot, names: str | None) -> tuple[str, ...]:
             raise AnalysisError(f"{robot.name} has no joint '{name}' to vary.{near(name, known)}")
         if name in robot.gimbal_names:
             raise AnalysisError(f"'{name}' is a gimbal: a sweep points the gimbals up by itself.")
+        if name in held:
+            raise AnalysisError(f"'{name}' is held at an angle and cannot be varied too.")
     if len(set(out)) != len(out):
         raise AnalysisError(f"joints '{names}': a name stands twice.")
     return out

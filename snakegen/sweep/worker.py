@@ -49,6 +49,7 @@ class Task:
         force_scale, torque_scale: N and N·m.
         tolerance: of the certified margins.
         gravity: m/s².
+        held, held_angles: (h,) which angles stay, and where [rad]; joints in neither are at 0.
         version: of snakegen, which a worker elsewhere must share.
     """
 
@@ -69,6 +70,8 @@ class Task:
     torque_scale: float
     tolerance: float
     gravity: float
+    held: Ints
+    held_angles: Floats
     version: str = __version__
 
 
@@ -94,12 +97,14 @@ def work(task: Task, samples: Floats) -> Floats:
 
 def _chunk(task: Task, samples: Floats, out: Floats) -> None:
     m, rotors, limit = len(samples), task.rotors, task.gimbals.limit
+    indices = np.concatenate([task.indices, task.held])
+    samples = np.hstack([samples, np.tile(task.held_angles, (m, 1))])
     dual, hover = np.empty((m, 6, rotors.body.size)), np.empty((m, 6))
     frames = np.empty((m, limit.size, 3, 3))
     points, discs = np.empty((m, limit.size, 3)), np.empty((m, rotors.body.size, 3))
     spine, distance = np.empty((m, len(task.rods), 2, 3)), np.empty(m)
     hover_postures(
-        task.tree, rotors, task.gimbals, task.low, task.high, task.base, task.indices,
+        task.tree, rotors, task.gimbals, task.low, task.high, task.base, indices,
         samples, task.gravity, dual, points, frames, hover, spine, discs, task.bodies, task.ends,
     )  # fmt: skip
     self_distances(spine, discs, task.rods, task.radii, task.owners, distance)

@@ -37,7 +37,7 @@ class PushMargin:
     def text(self, kind: str) -> str:
         """Returns value, direction and limits for people."""
         if np.isnan(self.value):
-            return "hover itself is beyond a limit"
+            return "hover itself exceeds a limit"
         size = f"{self.value:.4g}{UNITS[kind]}"
         if self.bounds[1] > (1.0 + OPEN) * self.bounds[0]:
             size += f" (at most {self.bounds[1]:.4g})"

@@ -68,7 +68,7 @@ class DrivePlan:
         gain: K [1/s], one or (m + 2,).
         feedback: whether the state is fed back.
         integral: 1/s, of the integral of the head's error beside the error: the rate servos of
-            screws give way under load, and a drive that holds its place takes that back.
+            screws slip back under load; a drive that holds its place corrects that.
         lift: over time [s], pitch joint angles and what yaw joints turn beside the shape [rad];
             None: all at 0.
         compliance: pitch servos are softer by this factor, so that every drum finds the ground.

@@ -145,8 +145,8 @@ def record(driven: Driven, meta: dict[str, Any]) -> Recording:
         asked,
         names.screws,
         unit="rad/s",
-        group="screw rates asked",
-        meaning="rate asked of each screw",
+        group="screw rate command",
+        meaning="commanded rate of each screw",
     )
     channels["slip"] = channel("slip", rows["slip"], names.screws)
     error = rows["state"] - rows["desired"]

@@ -1,6 +1,6 @@
 """What bends in a run and how it is damped: hinges, their sensors, modes and their energy.
 
-Hinges are the joints between links, as far as their servos give way, and the springs of elastic
+Hinges are the joints between links, by the compliance of their servos, and the springs of elastic
 links. A real robot is assumed to have encoders in the joints and a rate gyro on every half link,
 whose difference is the rate at which the link bends (with √2 of one gyro's noise).
 """
@@ -44,7 +44,7 @@ OFF = Damping()
 
 @dataclass(frozen=True, eq=False)
 class Hinges:
-    """What gives way, from root to tip within each kind.
+    """Compliant hinges, from root to tip within each kind.
 
     Attributes:
         names: (e,) of the simulator's joints.

@@ -1,8 +1,8 @@
-"""How far a push can go before a body that gives way under it is at a limit: two allocators.
+"""Largest push on a body with servo compliance before a limit is reached, for two allocators.
 
-The paper's allocator is followed until its first limit. For the constrained one the most that any
-answer can hold is looked for: a small nonlinear program, in which forces, thrust points and bent
-joints agree.
+The pseudo-inverse allocator is followed until its first limit. For the constrained one the largest
+push that any allocation holds is searched: a small nonlinear program, in which forces, thrust
+points and bent joints agree.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ KEPT = 1e-5  # share of weight and limits by which an answer may miss them
 
 @dataclass(frozen=True, eq=False)
 class LoadedReach:
-    """The end of a push on a body that gives way.
+    """The end of a push on a body with servo compliance.
 
     Attributes:
         t: multiple of the push; nan where none was found.
@@ -49,7 +49,7 @@ def follow(load: Load, guess: float) -> LoadedReach:
     """Returns where the allocator, followed from hover in steady state, meets its first limit.
 
     Args:
-        load: body, controller (its paper's allocator) and push.
+        load: body, controller (its pseudo-inverse allocator) and push.
         guess: multiple of the push to expect; sets the stride.
     """
     good, t = Steady.hovering(load), 0.0
@@ -83,7 +83,7 @@ def farthest(load: Load, start: Floats) -> LoadedReach:
 
     Args:
         load: body, controller and push.
-        start: the unknowns and t of a first guess: the reach of a body that does not give way.
+        start: the unknowns and t of a first guess: the reach of the rigid body.
     """
     problem = _Problem(load, start)
     z = start / problem.unit

@@ -102,7 +102,7 @@ def forecast(
     if not 0 < margin.value < np.inf:
         raise MissionError(
             f"{robot.name} holds no push in this posture: its margin is 0 (a singular posture) or "
-            "not defined (hover itself is beyond a limit)."
+            "not defined (hover itself exceeds a limit)."
         )
     free = found.kinds[kind][key.replace("servo", "thrust")].value
     push = np.array(margin.push)

@@ -1,4 +1,4 @@
-"""A hovering body under a push, as it really stands: servos give way, thrust points follow gimbals.
+"""Quasi-static equilibrium under an external wrench: servo compliance, moving thrust points.
 
 Statics only. A servo stands behind its command by its torque over its stiffness; a gimbal is
 commanded along the force asked of its apparatus, or in dual-rotor mode along the one direction

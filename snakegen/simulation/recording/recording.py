@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 
 class Standard(NamedTuple):
-    """What a standard channel name promises."""
+    """Unit, plot and meaning of a standard channel name."""
 
     unit: str
     group: str
@@ -42,12 +42,12 @@ STANDARD: dict[str, Standard] = {
     "angular_velocity": Standard("rad/s", "velocity", "of the CoG frame, its own axes", _XYZ),
     "q": Standard("m, 1, rad", "configuration", "configuration in Pinocchio's order"),
     "thrust": Standard("N", "thrust", "thrust of each rotor"),
-    "thrust_command": Standard("N", "thrust command", "thrust asked of each rotor"),
+    "thrust_command": Standard("N", "thrust command", "commanded thrust of each rotor"),
     "gimbal_angle": Standard("rad", "gimbals", "gimbal joints"),
-    "gimbal_command": Standard("rad", "gimbal command", "angle asked of each gimbal joint"),
+    "gimbal_command": Standard("rad", "gimbal command", "commanded angle of each gimbal joint"),
     "gimbal_torque": Standard("N·m", "gimbal torque", "torque of each gimbal servo"),
     "joint_angle": Standard("rad", "joints", "joints between links"),
-    "joint_command": Standard("rad", "joint command", "angle asked of each joint"),
+    "joint_command": Standard("rad", "joint command", "commanded angle of each joint"),
     "joint_torque": Standard("N·m", "joint torque", "torque of each joint servo"),
     "sigma_min": Standard(
         "1", "scaled margins", "smallest scaled singular value of the allocation"
@@ -204,8 +204,8 @@ class Recording:
 
     def __repr__(self) -> str:
         """Returns the run, its length and its verdict in one line."""
-        told = (str(self.meta[k]) for k in ("robot", "mission") if k in self.meta)
-        run = [" ".join(told) or "run"]
+        names = (str(self.meta[k]) for k in ("robot", "mission") if k in self.meta)
+        run = [" ".join(names) or "run"]
         run += [f"seed {self.meta['seed']}"] if "seed" in self.meta else []
         seconds = float(self.time[-1] - self.time[0])
         size = f"{len(self.time)} samples in {seconds:.4g} s, {len(self.channels)} signals"

@@ -11,7 +11,6 @@ from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from snakegen.base.rounding import least, significant
 
@@ -120,6 +119,8 @@ def lost_direction(lost: Floats, part: slice) -> Floats | None:
 
 def _outside(a: Floats, y: Floats) -> tuple[Floats, Floats]:
     """Returns minus the distance from the set to y, and the unit direction of it."""
+    from scipy.optimize import lsq_linear  # workers of a sweep do without it
+
     x = lsq_linear(a, y, (-0.5, 0.5), method="bvls", tol=1e-14).x
     gap = y - a @ x
     distance = float(np.linalg.norm(gap))

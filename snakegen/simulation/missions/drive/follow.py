@@ -1,4 +1,4 @@
-"""Drive any path by follow-the-leader: line, arc, scurve, lcrank, or rounded way points."""
+"""Drive any path by follow-the-leader: line, arc, scurve, lcrank, or rounded waypoints."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -25,8 +25,8 @@ class Options(DriveOptions):
 
     Attributes:
         path: line, arc, scurve or lcrank
-        points: way points in place of it, m: [[0, 0], [2, 0], [2, 2]]
-        radius: m, of the corners at way points
+        points: waypoints in place of it, m: [[0, 0], [2, 0], [2, 2]]
+        radius: m, of the corners at waypoints
     """
 
     path: str = "scurve"
