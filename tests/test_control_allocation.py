@@ -6,7 +6,7 @@ from flat_robots import FlatRobot, X, Y, Z, random_rotation, snake
 
 from snakegen.base.geometry import rotation_about
 from snakegen.control import fully_actuated, switch, underactuated
-from snakegen.control.controller import Controller, ControlRefused, check_mounts, law_of
+from snakegen.control.controller import Controller, ControlRefused, LawOptions, check_mounts, law_of
 from snakegen.control.frame import cog_frame
 from snakegen.control.gains import Gains
 from snakegen.kernels.allocation import fully_actuated as kernel
@@ -21,7 +21,12 @@ LENGTH, G = 0.42, 9.81
 def controller_of(robot, gains=None, mode=VIRTUAL, **options):
     tree, rotors, gimbals = robot[:3]
     return Controller(
-        tree, rotors, gimbals, law_of(gains or Gains(), gimbals, **options), LENGTH, mode
+        tree,
+        rotors,
+        gimbals,
+        law_of(gains or Gains(), gimbals, LawOptions(**options)),
+        LENGTH,
+        mode,
     )
 
 

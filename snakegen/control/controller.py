@@ -128,29 +128,47 @@ class Controller:
         return replace(self, law=self.law._replace(**changes))
 
 
-def law_of(
-    gains: Gains,
-    gimbals: Gimbals,
-    *,
-    gimbal_lower: Any = -np.pi,
-    gimbal_upper: Any = np.pi,
-    gimbal_give: Any = 0.0,
-    axes_body: int = 0,
-    axes_rotation: Any = None,
-    gyroscopic: bool = True,
-    constrained: bool = False,
-    sigma_min: float = 0.02,
-    sweeps: int = 3,
-    newton: int = 10,
-    residual: float = 1e-6,
-    blend_time: float = 1.0,
-    gravity: float = GRAVITY,
-    joints: Any = (),
-    joint_limit: Any = (),
-    internal_time: Sequence[float] = INTERNAL_TIME,
-    rate_filter: float = 0.0,
-) -> Law:
-    """Returns the kernels' form of gains and options; names as in `kernels.control_types.Law`."""
+@dataclass(frozen=True)
+class LawOptions:
+    """Options of the control laws beside the gains; names as in `kernels.control.types.Law`.
+
+    Attributes:
+        gimbal_lower, gimbal_upper: rad, one number, (2,) or (Ñ, 2).
+        gimbal_give: rad/(N m), compliance of the gimbal servos.
+        axes_body, axes_rotation: body whose axes the CoG frame has, and their rotation in it.
+        gyroscopic: whether ω × Iω is cancelled.
+        constrained: least norm within limits instead of the pseudo-inverse.
+        sigma_min: below which dual-rotor allocation refuses.
+        sweeps, newton, residual: of the solvers.
+        blend_time: s, of a change of mode.
+        gravity: m/s².
+        joints, joint_limit: bodies whose servo torque is limited, and to what [N m].
+        internal_time: s, time constants of the internal forces' low-pass.
+        rate_filter: Hz, of measured rates; 0: none.
+    """
+
+    gimbal_lower: Any = -np.pi
+    gimbal_upper: Any = np.pi
+    gimbal_give: Any = 0.0
+    axes_body: int = 0
+    axes_rotation: Any = None
+    gyroscopic: bool = True
+    constrained: bool = False
+    sigma_min: float = 0.02
+    sweeps: int = 3
+    newton: int = 10
+    residual: float = 1e-6
+    blend_time: float = 1.0
+    gravity: float = GRAVITY
+    joints: Any = ()
+    joint_limit: Any = ()
+    internal_time: Sequence[float] = INTERNAL_TIME
+    rate_filter: float = 0.0
+
+
+def law_of(gains: Gains, gimbals: Gimbals, options: LawOptions | None = None) -> Law:
+    """Returns the kernels' form of gains and options."""
+    o = options or LawOptions()
     n = int(gimbals.limit.size)
     return Law(
         np.stack([gains.force_p, gains.force_i, gains.force_d]),
@@ -160,24 +178,24 @@ def law_of(
         np.array([gains.attitude_roll, gains.attitude_pitch], float),
         gains.vectoring(n),
         float(gains.tilt_limit),
-        np.broadcast_to(np.asarray(gimbal_lower, float), (n, 2)).copy(),
-        np.broadcast_to(np.asarray(gimbal_upper, float), (n, 2)).copy(),
-        np.broadcast_to(np.asarray(gimbal_give, float), (n, 2)).copy(),
-        int(axes_body),
-        np.eye(3) if axes_rotation is None else np.array(axes_rotation, float),
-        int(gyroscopic),
-        int(constrained),
-        float(sigma_min),
-        int(sweeps),
-        int(newton),
-        float(residual),
-        float(blend_time),
-        float(gravity),
-        np.array(joints, np.int64),
-        np.array(joint_limit, float),
-        np.array(internal_time, float),
+        np.broadcast_to(np.asarray(o.gimbal_lower, float), (n, 2)).copy(),
+        np.broadcast_to(np.asarray(o.gimbal_upper, float), (n, 2)).copy(),
+        np.broadcast_to(np.asarray(o.gimbal_give, float), (n, 2)).copy(),
+        int(o.axes_body),
+        np.eye(3) if o.axes_rotation is None else np.array(o.axes_rotation, float),
+        int(o.gyroscopic),
+        int(o.constrained),
+        float(o.sigma_min),
+        int(o.sweeps),
+        int(o.newton),
+        float(o.residual),
+        float(o.blend_time),
+        float(o.gravity),
+        np.array(o.joints, np.int64),
+        np.array(o.joint_limit, float),
+        np.array(o.internal_time, float),
         np.ones((2, 3)),
-        float(rate_filter),
+        float(o.rate_filter),
     )
 
 
@@ -230,7 +248,7 @@ def flight_controller(
         allocator: "paper" (pseudo-inverse) or "constrained".
         mode: "virtual_single_rotor" or "dual_rotor".
         axes: whose axes the CoG frame has: "root", "middle" or "auto".
-        **options: further arguments of `law_of`.
+        **options: further fields of `LawOptions`.
 
     Raises:
         ControlRefused: no apparatus, or gimbals that the laws cannot turn.
@@ -248,11 +266,9 @@ def flight_controller(
     body, turn = axes_body(robot, axes)
     lower, upper = gimbal_limits(robot)
     bodies, torque = joint_limits(robot)
-    told = {"sigma_min": 0.02, "rate_filter": 0.0}
-    options = {k: float(control.get(k, v)) for k, v in told.items()} | options
-    law = law_of(
-        gain_set(robot, gains),
-        robot.gimbals,
+    own = {"sigma_min": 0.02, "rate_filter": 0.0}
+    options = {k: float(control.get(k, v)) for k, v in own.items()} | options
+    chosen = LawOptions(
         gimbal_lower=lower,
         gimbal_upper=upper,
         gimbal_give=gimbal_give(robot),
@@ -263,6 +279,7 @@ def flight_controller(
         joint_limit=torque,
         **options,
     )
+    law = law_of(gain_set(robot, gains), robot.gimbals, chosen)
     arrays = (robot.tree, robot.rotors, robot.gimbals)
     return Controller(*arrays, law, robot.link_length, MODES[mode])
 
