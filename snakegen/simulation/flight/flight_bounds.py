@@ -131,7 +131,7 @@ def hover_sigmas(
 
     Args:
         robot, controller, plan: of the flight.
-        wanted: (T, 6) N and N m, of the control law, CoG axes.
+        wanted: (T, 3) N m, torque of the control law, CoG axes.
     """
     if not stays(plan) or len(wanted) * float(plan.time[1] - plan.time[0]) < LEAST:
         return None
@@ -139,7 +139,7 @@ def hover_sigmas(
     frame = cog_frame(controller, robot.angles(plan.start), base, origin)
     a = allocation(robot, plan.start)
     into = frame.axes.T @ base
-    torque = np.linalg.solve(into @ a.inertia @ into.T, wanted[len(wanted) // 2 :, 3:].mean(axis=0))
+    torque = np.linalg.solve(into @ a.inertia @ into.T, wanted[len(wanted) // 2 :].mean(axis=0))
     usual = sources(robot, controller, plan.joints[0], Imperfections()).acceleration
     spread, values = np.linalg.norm(usual[3:], axis=1), np.abs(torque)
     return [float(v / s) if s > 1e-9 else 0.0 for v, s in zip(values, spread, strict=True)]

@@ -1,7 +1,8 @@
 """The one stepping loop: sense, decide, step MuJoCo, remember.
 
 A stretch of ticks is flown in compiled code (`kernels.flight`); between stretches Python looks at
-interruptions, failures that become known, and progress.
+interruptions, failures that become known, and progress. References come and rows go as the run goes
+(`reference_window`), so that memory does not grow with its length where `watch` takes the rows.
 """
 
 from collections.abc import Callable
@@ -22,7 +23,8 @@ from snakegen.simulation.flight import mujoco_arrays
 from snakegen.simulation.flight.falling import fall
 from snakegen.simulation.flight.interrupt import noted
 from snakegen.simulation.flight.plan import Plan
-from snakegen.simulation.flight.plant import Draw, Imperfections
+from snakegen.simulation.flight.plant import Imperfections, Noise
+from snakegen.simulation.flight.reference_window import ReferenceWindow, RowWindow
 from snakegen.simulation.flight.trim import found, integral_rates, told
 from snakegen.simulation.flight.vibration import OFF, Damping, damper, retuned
 from snakegen.simulation.flight.world import World
@@ -36,7 +38,7 @@ class Flown:
     """What a run left behind, a row a tick, taken before the tick's command acts.
 
     Attributes:
-        ticks: how many were flown.
+        ticks: how many rows there are.
         qpos, qvel, act, force: rows of MuJoCo's state and actuator forces.
         command: (T, nu) controls asked for.
         sigma_min, wanted, given: from the controller.
@@ -45,8 +47,9 @@ class Flown:
         wind: (T, 3) m/s, world.
         events: (time, level, text).
         stopped: "" or why the run ended early.
-        frame: (3, 3) attitude of the CoG frame at the start.
+        axes: (3, 3) of the CoG frame in the root link, at the start.
         trimmed: what the integrals held when trimming ended; empty where nothing was trimmed.
+        first: tick of the first row; those before it were taken by `watch`.
     """
 
     ticks: int
@@ -63,21 +66,22 @@ class Flown:
     wind: Floats
     events: list[tuple[float, str, str]]
     stopped: str
-    frame: Floats
+    axes: Floats
     trimmed: dict[str, Any] = field(default_factory=dict)
+    first: int = 0
 
 
 def fly(
     world: World,
     plan: Plan,
     controller: Controller,
-    noise: Draw,
+    noise: Noise,
     imperfections: Imperfections,
     *,
     position_rate: float = 40.0,
     damping: Damping = OFF,
     progress: Callable[[int], Any] | None = None,
-    watch: Callable[[int, Callable[[int, int], Flown]], Any] | None = None,
+    watch: Callable[[int, Callable[[int, int], Flown]], int] | None = None,
 ) -> Flown:
     """Runs `plan` in MuJoCo; an interruption keeps what was flown so far.
 
@@ -93,13 +97,14 @@ def fly(
         position_rate: Hz.
         damping: of vibration by internal forces; `noise` has the noise of its sensors.
         progress: called with the tick, at least once a second of flight.
-        watch: as `progress`, and with a function that returns ticks a … b − 1 as flown.
+        watch: as `progress`, and with a function that returns ticks a … b − 1 as flown; returns the
+            tick before which rows are no longer needed: they are missing from what is returned.
     """
     ticks = len(plan.time)
     dt = float(plan.time[1] - plan.time[0]) if ticks > 1 else 0.005
     run = _Run(world, plan, controller, noise, imperfections, dt, position_rate, damping)
     events: list[tuple[float, str, str]] = [(t, "INFO", text) for t, text in plan.events]
-    stopped, k = "", 0
+    stopped, k, taken = "", 0, 0
     try:
         with noted() as keys:
             step = max(1, round((REFRESH if run.modes else STRETCH) / dt))
@@ -113,7 +118,8 @@ def fly(
                 if progress is not None:
                     progress(k)
                 if watch is not None:
-                    watch(k, lambda first, last: _flown(run, slice(first, last), [], ""))
+                    taken = watch(k, lambda first, last: _flown(run, slice(first, last), [], ""))
+                run.drop(k, taken)
                 keys.check()
     except KeyboardInterrupt:
         k = max(k, 1)
@@ -125,7 +131,7 @@ def fly(
     empty = np.flatnonzero(run.rows.used[:k] >= 1.0)[:1]
     events += [(float(plan.time[i]), "WARN", "battery empty: the rotors stop") for i in empty]
     events += told(plan, controller.law, run.trimmed)
-    return _flown(run, slice(0, k), events, stopped)
+    return _flown(run, slice(taken, k), events, stopped)
 
 
 class _Run:
@@ -136,7 +142,7 @@ class _Run:
         world: World,
         plan: Plan,
         controller: Controller,
-        noise: Draw,
+        noise: Noise,
         imperfections: Imperfections,
         dt: float,
         position_rate: float,
@@ -152,7 +158,7 @@ class _Run:
         data.ctrl[world.servos] = plan.joints[0]
         data.ctrl[world.gimbals[present]] = gimbals[present]
         mujoco.mj_forward(world.model, data)
-        self.frame = _frame(world, controller, data)
+        self.axes = plan.rotation[0].T @ _frame(world, controller, data)
         self.state = controller.start(gimbals)
         self.trimmed: dict[str, Any] = {}
         if plan.trim:
@@ -163,12 +169,14 @@ class _Run:
         if plan.trim:  # the mission's battery is full at its t = 0
             self.plant = self.plant._replace(capacity=np.inf)
         self.wires = mujoco_arrays.wiring(world, plan)
-        self.references = mujoco_arrays.references(plan, noise, self.frame, controller.mode)
+        self.window = ReferenceWindow(plan, noise, self.axes, controller.mode)
+        self.references = self.window.arrays
         self.memory = mujoco_arrays.memory(
             world, gimbals, plan.joints[0], self.plant.delay, len(self.damper.rate)
         )
         self.sim = mujoco_arrays.simulator(world, data)
-        self.rows = mujoco_arrays.rows(world.model, len(plan.time))
+        self.log = RowWindow(world.model, len(plan.time))
+        self.rows = self.log.arrays
         if not plan.on_floor:
             self._start_rotors()
         read_imu(self.sim, self.memory)
@@ -216,6 +224,7 @@ class _Run:
                 self.controller = self.controller.without(failure.rotors)
             elif first < known < last:
                 last = known
+        self.window.fill(last)
         if self.modes:  # they change with the posture
             self.damper = retuned(self.damper, self.world, self.data.qpos)
         c = self.controller
@@ -233,6 +242,11 @@ class _Run:
             limit = self.plan.give_up
             return k, f"gave up at {time[k - 1]:.2f} s: {limit:g} m off target", "WARN"
         return k, "", ""
+
+    def drop(self, ticks: int, taken: int) -> None:
+        """Gives back rows before `taken`, and references that neither log nor delay ask for."""
+        self.log.drop(taken)
+        self.window.drop(min(taken, ticks - self.plant.delay - 2))
 
     def fell(self, ticks: int) -> int | None:
         """Returns the tick at which the robot fell, of those flown; None while it flies."""
@@ -279,7 +293,7 @@ def _flown(run: _Run, part: slice, events: list[tuple[float, str, str]], stopped
     r, wind = run.rows, run.references.wind
     states, asked = (r.qpos, r.qvel, r.act, r.force), (r.command, r.sigma, r.wanted, r.given)
     cut = [rows[part] for rows in (*states, *asked, r.contact, r.used, wind)]
-    last = (sorted(events), stopped, run.frame, run.trimmed)
+    last = (sorted(events), stopped, run.axes, run.trimmed, part.start)
     return Flown(part.stop - part.start, *cut, *last)  # type: ignore[call-arg, arg-type]
 
 

@@ -11,10 +11,10 @@ from snakegen.base.geometry import Floats
 from snakegen.control.power import battery_joules, power_factors
 from snakegen.control.servos import bounded_joints
 from snakegen.errors import SnakegenError
-from snakegen.kernels.flight.types import Memory, Plant, References, Rows, Simulator, Wiring
+from snakegen.kernels.flight.types import Memory, Plant, Simulator, Wiring
 from snakegen.simulation.flight.elastic import tip_name
-from snakegen.simulation.flight.plan import Plan, frame_targets
-from snakegen.simulation.flight.plant import Draw, Imperfections
+from snakegen.simulation.flight.plan import Plan
+from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.postures import turning_rates
 from snakegen.simulation.flight.world import World
 
@@ -126,38 +126,6 @@ def stations(world: World) -> tuple[np.ndarray, Floats, Floats, Floats]:
     )
 
 
-def references(plan: Plan, noise: Draw, frame: Floats, mode: int) -> References:
-    """Returns the plan and the noise of a run as the loop takes them."""
-    ticks = len(plan.time)
-    strength = np.repeat(noise.thrust_factor[None], ticks, axis=0)
-    for failure in plan.failures:
-        after = int(np.searchsorted(plan.time, failure.time - 1e-9))
-        strength[after:, np.array(failure.rotors, int)] = 0.0
-    modes = np.full(ticks, mode) if plan.mode is None else np.asarray(plan.mode)
-    wind = noise.wind if plan.wind is None else noise.wind + plan.wind
-    push = np.zeros((0, 6)) if plan.disturbance is None else plan.disturbance
-    rotation, angular = frame_targets(plan, frame)
-    return References(
-        np.ascontiguousarray(plan.position, dtype=float),
-        np.ascontiguousarray(plan.velocity, dtype=float),
-        np.ascontiguousarray(plan.acceleration, dtype=float),
-        np.ascontiguousarray(rotation),
-        np.ascontiguousarray(angular, dtype=float),
-        np.ascontiguousarray(plan.joints, dtype=float),
-        modes.astype(np.int64),
-        strength,
-        np.ascontiguousarray(push, dtype=float),
-        np.ascontiguousarray(wind),
-        noise.attitude,
-        noise.position,
-        noise.velocity,
-        noise.gyro,
-        noise.angles,
-        noise.torques,
-        noise.hinges,
-    )
-
-
 def plant(world: World, plan: Plan, what: Imperfections, dt: float, position_rate: float) -> Plant:
     """Returns the constants of the simulated hardware for ticks of `dt` s."""
     robot, step = world.robot, float(world.model.opt.timestep)
@@ -217,21 +185,4 @@ def memory(world: World, gimbals: Floats, joints: Floats, delay: int, hinges: in
         np.zeros(rotors),
         np.zeros((world.model.nbody, 6)),
         np.zeros(1),
-    )
-
-
-def rows(model: mujoco.MjModel, ticks: int) -> Rows:
-    """Returns an empty log of `ticks` rows."""
-    return Rows(
-        np.zeros((ticks, model.nq)),
-        np.zeros((ticks, model.nv)),
-        np.zeros((ticks, model.na)),
-        np.zeros((ticks, model.nu)),
-        np.zeros((ticks, model.nu)),
-        np.zeros((ticks, 6)),
-        np.zeros((ticks, 6)),
-        np.full(ticks, np.nan),
-        np.zeros(ticks),
-        np.zeros(ticks),
-        np.zeros(ticks, np.int64),
     )

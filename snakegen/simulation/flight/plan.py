@@ -146,21 +146,23 @@ def knots_for(points: ArrayLike, rate: float, *, start: float = 0.0, least: floa
     return start + np.concatenate([[0.0], np.cumsum(np.maximum(span, least))])
 
 
-def frame_targets(plan: Plan, frame: Floats) -> tuple[Floats, Floats]:
+def frame_targets(plan: Plan, axes: Floats) -> tuple[Floats, Floats]:
     """Returns attitude (T, 3, 3) and angular velocity (T, 3) [rad/s, own axes] of the CoG frame.
 
     Args:
-        plan: whose attitudes are the root link's.
-        frame: (3, 3) attitude of the CoG frame where the plan starts; it keeps its place to the
-            root link's.
+        plan: whose attitudes are the root link's; or a part of one.
+        axes: (3, 3) of the CoG frame in the root link, where the whole plan starts: it keeps its
+            place there.
     """
-    axes = plan.rotation[0].T @ frame
     return plan.rotation @ axes, plan.angular @ axes
 
 
 def level(count: int) -> tuple[Floats, Floats]:
-    """Returns attitude (T, 3, 3) and angular velocity (T, 3) of a CoG frame held level."""
-    return np.repeat(np.eye(3)[None], count, axis=0), np.zeros((count, 3))
+    """Returns attitude (T, 3, 3) and angular velocity (T, 3) of a CoG frame held level.
+
+    Both are read-only: one row that stands for all.
+    """
+    return np.broadcast_to(np.eye(3), (count, 3, 3)), np.broadcast_to(0.0, (count, 3))
 
 
 def ticks(duration: float, rate: float) -> Floats:
@@ -177,18 +179,21 @@ def ticks(duration: float, rate: float) -> Floats:
 def holding(time: Floats, joints: ArrayLike, start: Floats, cog: ArrayLike, **more: Any) -> Plan:
     """Returns a plan that holds one pose and posture; `more` are further fields of `Plan`.
 
-    The attitude held is that of `start`; `joints` are (k,), or (T, k) where they move.
+    The attitude held is that of `start`; `joints` are (k,), or (T, k) where they move. What stays is
+    one row that stands for all.
     """
-    count, still = len(time), np.zeros((len(time), 3))
-    rotation = np.repeat(rotation_from_xyzw(start[3:7])[None], count, axis=0)
+    count, still = len(time), np.broadcast_to(0.0, (len(time), 3))
+    rotation = np.broadcast_to(rotation_from_xyzw(start[3:7]), (count, 3, 3))
     angles = np.atleast_2d(np.asarray(joints, float))
+    if len(angles) != count:
+        angles = np.broadcast_to(angles, (count, angles.shape[1]))
     fields = {
-        "position": np.repeat(np.asarray(cog, float)[None], count, axis=0),
+        "position": np.broadcast_to(np.asarray(cog, float), (count, 3)),
         "velocity": still,
         "acceleration": still,
         "rotation": rotation,
         "angular": still,
-        "joints": angles if len(angles) == count else np.repeat(angles, count, axis=0),
+        "joints": angles,
         "start": start,
     }
     return Plan(time, **(fields | more))

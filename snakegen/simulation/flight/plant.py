@@ -1,19 +1,24 @@
 """What a real robot adds to the ideal one: sensor noise, thrust mismatch, delay, air, battery.
 
-Every value comes from the spec's `plant` section; all random numbers of a run are drawn before it
-starts, from one generator, so that the same seed gives the same run on one machine.
+Every value comes from the spec's `plant` section; all random numbers of a run come from one
+generator, so that the same seed gives the same run on one machine. A `NoiseStream` draws them as the
+run goes: each array has its own place in the generator's sequence, and a copy of the generator is
+kept at each place, while the numbers in between are drawn and thrown away.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from snakegen.base.geometry import Floats, skew
 from snakegen.errors import SpecError, near
+from snakegen.simulation.flight.wind import dryden, steady
 
+_AT_ONCE = 16_384  # rows drawn and thrown away together
 BOUND = 2.0  # standard deviations at which the errors end that have a stated bound (ZN23's sensors)
 
 
@@ -92,6 +97,83 @@ class Draw:
     hinges: Floats
     torques: Floats
 
+    def rows(self, first: int, last: int) -> "Draw":
+        """Returns ticks `first` … `last` − 1."""
+        cut = ("attitude", "position", "velocity", "gyro", "wind", "hinges")
+        return replace(self, **{name: getattr(self, name)[first:last] for name in cut})
+
+
+class Noise(Protocol):
+    """Noise whose rows are asked for in order: a `Draw` or a `NoiseStream`."""
+
+    @property
+    def thrust_factor(self) -> Floats: ...
+    @property
+    def angles(self) -> Floats: ...
+    @property
+    def torques(self) -> Floats: ...
+    @property
+    def wind(self) -> Floats: ...
+
+    def rows(self, first: int, last: int) -> Draw:
+        """Returns ticks `first` … `last` − 1."""
+
+
+class NoiseStream:
+    """Draws the noise of one run of `ticks` at `rate` Hz, rows when they are asked for.
+
+    Attributes and arguments as of `Draw` and `draw`.
+    """
+
+    def __init__(
+        self,
+        what: Imperfections,
+        rng: np.random.Generator,
+        ticks: int,
+        rotors: int,
+        joints: int,
+        *,
+        rate: float = 200.0,
+        hinges: Sequence[float] = (),
+        servos: int = 0,
+    ) -> None:
+        self.what = what
+        factor = what.thrust_scale * (1.0 + what.thrust_mismatch * rng.standard_normal(rotors))
+        self.thrust_factor = np.clip(factor, 0.5, 1.5)
+        self.bias = what.attitude_bias * bounded_normal(rng, 3)
+        self.share = np.asarray(hinges, float)
+        self.tilt = _kept(rng, ticks, lambda g, n: g.random((n, 3)))
+        self.position = _kept(rng, ticks, lambda g, n: g.random((n, 3)))
+        self.velocity = _kept(rng, ticks, lambda g, n: g.standard_normal((n, 3)))
+        self.gyro = _kept(rng, ticks, lambda g, n: g.standard_normal((n, 3)))
+        self.angles = what.joint_noise * rng.standard_normal(joints)
+        self.wind = steady(ticks, what.wind_speed, what.wind_direction)
+        if what.turbulence > 0.0:
+            mean = what.turbulence, what.wind_speed, what.wind_direction
+            self.wind = self.wind + dryden(ticks, rate, rng, *mean)
+        wide = len(self.share)
+        self.bends = _kept(rng, ticks, lambda g, n: g.standard_normal((n, wide)))
+        self.torques = what.torque_noise * rng.standard_normal(servos)
+        self.done = 0
+
+    def rows(self, first: int, last: int) -> Draw:
+        """Returns ticks `first` … `last` − 1, which must follow those asked for before."""
+        if first != self.done:
+            raise ValueError(f"rows from {first} on were asked for; {self.done} comes next")
+        self.done, n, what = last, last - first, self.what
+        size = (n, 3)
+        return Draw(
+            self.thrust_factor,
+            small_rotations(self.bias + what.attitude_noise * bounded_normal(self.tilt, size)),
+            what.position_noise * bounded_normal(self.position, size),
+            what.velocity_noise * self.velocity.standard_normal(size),
+            what.gyro_noise * self.gyro.standard_normal(size),
+            self.angles,
+            self.wind[first:last],
+            what.gyro_noise * self.share * self.bends.standard_normal((n, len(self.share))),
+            self.torques,
+        )
+
 
 def draw(
     what: Imperfections,
@@ -109,25 +191,9 @@ def draw(
     `hinges` are shares of the gyro's noise that the rate of each damped hinge has: √2 where two
     links' gyros tell it, 0 where an encoder does; `servos` tell their torque.
     """
-    from snakegen.simulation.flight.wind import dryden, steady
-
-    factor = what.thrust_scale * (1.0 + what.thrust_mismatch * rng.standard_normal(rotors))
-    bias = what.attitude_bias * bounded_normal(rng, 3)
-    tilt = bias + what.attitude_noise * bounded_normal(rng, (ticks, 3))
-    position = what.position_noise * bounded_normal(rng, (ticks, 3))
-    velocity = what.velocity_noise * rng.standard_normal((ticks, 3))
-    gyro = what.gyro_noise * rng.standard_normal((ticks, 3))
-    angles = what.joint_noise * rng.standard_normal(joints)
-    wind = steady(ticks, what.wind_speed, what.wind_direction)
-    if what.turbulence > 0.0:
-        wind = wind + dryden(
-            ticks, rate, rng, what.turbulence, what.wind_speed, what.wind_direction
-        )
-    share = np.asarray(hinges, float)
-    bends = what.gyro_noise * share * rng.standard_normal((ticks, len(share)))
-    torques = what.torque_noise * rng.standard_normal(servos)
-    factor, turned = np.clip(factor, 0.5, 1.5), small_rotations(tilt)
-    return Draw(factor, turned, position, velocity, gyro, angles, wind, bends, torques)
+    return NoiseStream(
+        what, rng, ticks, rotors, joints, rate=rate, hinges=hinges, servos=servos
+    ).rows(0, ticks)
 
 
 def bounded_normal(rng: np.random.Generator, size: int | tuple[int, ...]) -> Floats:
@@ -146,3 +212,13 @@ def small_rotations(vectors: Floats) -> Floats:
     k = skew(vectors / safe[:, None])
     sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
     return np.asarray(np.eye(3) + sine * k + (1.0 - cosine) * (k @ k))
+
+
+def _kept(
+    rng: np.random.Generator, ticks: int, skip: Callable[[np.random.Generator, int], object]
+) -> np.random.Generator:
+    """Returns a copy of a generator as it is, and moves `rng` past `ticks` rows."""
+    copy = deepcopy(rng)
+    for first in range(0, ticks, _AT_ONCE):
+        skip(rng, min(_AT_ONCE, ticks - first))
+    return copy

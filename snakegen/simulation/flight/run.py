@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from snakegen.base.sample_store import SampleStore
 from snakegen.control.controller import Controller, flight_controller, gain_set
 from snakegen.control.servos import bounded_joints
 from snakegen.errors import MissionError
@@ -13,9 +15,9 @@ from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.elastic import modal_frequencies
 from snakegen.simulation.flight.error_budget import integral_limits
 from snakegen.simulation.flight.flight_bounds import hover_sigmas, tracking_bounds, trim_sigmas
-from snakegen.simulation.flight.loop import fly
+from snakegen.simulation.flight.loop import Flown, fly
 from snakegen.simulation.flight.plan import Plan
-from snakegen.simulation.flight.plant import Imperfections, draw
+from snakegen.simulation.flight.plant import Imperfections, NoiseStream
 from snakegen.simulation.flight.preflight import check_air, check_references, check_start
 from snakegen.simulation.flight.reference_limits import check_motion
 from snakegen.simulation.flight.scene_geoms import described
@@ -24,10 +26,9 @@ from snakegen.simulation.flight.vibration import OFF, Damping, check_redundancy,
 from snakegen.simulation.flight.world import World, make_world
 from snakegen.simulation.missions import is_file, mission
 from snakegen.simulation.missions.options import checked_options
-from snakegen.simulation.recording.blocks import Blocks
+from snakegen.simulation.recording.blocks import Blocks, Recorder
 from snakegen.simulation.recording.flight_report import flight_report
 from snakegen.simulation.recording.metrics import metrics
-from snakegen.simulation.recording.record import record
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS
 from snakegen.simulation.recording.worst_place import judged_verdict
@@ -45,6 +46,7 @@ def run(
     options: dict[str, Any] | None = None,
     progress: Callable[[int, int], Any] | None = None,
     keep: Callable[[Recording], Any] | None = None,
+    folder: str | Path | None = None,
 ) -> Recording:
     """Flies mission `name` with `robot` and returns the judged recording.
 
@@ -59,6 +61,8 @@ def run(
         progress: called with ticks flown and ticks in all.
         keep: called with the recording of each whole second of a flight; drives and arms have
             none.
+        folder: for the samples of a flight until its recording is dropped, in a nameless file;
+            the system's folder for temporary files if not given.
 
     Raises:
         MissionError: the mission does not suit the robot, or cannot start from its posture.
@@ -70,7 +74,9 @@ def run(
     ready = prepare(robot, name, gains=gains, allocator=allocator, ideal=ideal, options=options)
     world = ready.world()
     rng = np.random.default_rng(seed)
-    return ready.flown(world, ready.imperfections, rng, seed, progress, keep=keep)
+    return ready.flown(
+        world, ready.imperfections, rng, seed, progress, keep=keep, folder=folder
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +119,7 @@ class Ready:
         *,
         margins: bool = True,
         keep: Callable[[Recording], Any] | None = None,
+        folder: str | Path | None = None,
     ) -> Recording:
         """Flies it in `world` with noise from `rng` and returns the judged recording.
 
@@ -124,6 +131,7 @@ class Ready:
             progress: called with ticks flown and ticks in all.
             margins: work out the margins along the run; they cost more than the rest of the log.
             keep: called with the recording of each whole second, as soon as it is flown.
+            folder: for the samples.
         """
         plan, count = self.plan, len(self.plan.time)
         rougher = float(np.hypot(imperfections.turbulence, plan.turbulence))
@@ -132,9 +140,19 @@ class Ready:
         sizes = (count, len(world.rotors), len(self.robot.joint_names))
         shares = hinges(world).noise if self.damping.gain > 0 else []
         servos = len(bounded_joints(self.robot))
-        noise = draw(imperfections, rng, *sizes, rate=rate, hinges=shares, servos=servos)
+        noise = NoiseStream(imperfections, rng, *sizes, rate=rate, hinges=shares, servos=servos)
         told = self.meta | {"seed": seed, "plant": vars(imperfections)}
         blocks = None if keep is None else Blocks(world, plan, self.controller, told, keep)
+        windy = bool(np.any(noise.wind)) or (plan.wind is not None and bool(np.any(plan.wind)))
+        recorder = Recorder(
+            world, plan, self.controller, SampleStore(folder), told, windy=windy, margins=margins
+        )
+
+        def watch(ticks: int, rows: Callable[[int, int], Flown]) -> int:
+            if blocks is not None:
+                blocks.flown(ticks, rows)
+            return recorder.flown(ticks, rows)
+
         flown = fly(
             world,
             plan,
@@ -144,10 +162,11 @@ class Ready:
             position_rate=self.position_rate,
             damping=self.damping,
             progress=None if progress is None else lambda k: progress(k, count),
-            watch=None if blocks is None else blocks.flown,
+            watch=watch,
         )
+        recorder.finish(flown)
         window = plan.window or (0.0, float(plan.time[-1]))
-        end = min(window[1], float(plan.time[flown.ticks - 1]))
+        end = min(window[1], float(plan.time[recorder.done - 1]))
         meta = told | {
             "stopped": flown.stopped,
             "metrics_window_s": [min(window[0], end), end],
@@ -158,14 +177,13 @@ class Ready:
             held = trim_sigmas(self.robot, self.controller, plan, flown.trimmed)
             meta["trim"] = flown.trimmed | {"sigmas": held}
         if plan.tracked:
-            asked = hover_sigmas(self.robot, self.controller, plan, flown.wanted)
+            asked = hover_sigmas(self.robot, self.controller, plan, recorder.wanted_torque())
             if asked is not None:
                 meta["hover_sigmas"] = asked
         if imperfections.link_stiffness > 0:
-            modes = modal_frequencies(world.model, flown.qpos[0])
+            modes = modal_frequencies(world.model, flown.qpos[0])  # elastic: all rows are here
             meta["modal_frequencies_hz"] = [round(float(f), 3) for f in modes]
-        recording = record(world, plan, self.controller, flown, meta, margins=margins)
-        return judge(recording, plan)
+        return judge(recorder.recording(flown.events, meta), plan)
 
 
 def prepare(

@@ -53,11 +53,15 @@ def trimmed(plan: Plan, seconds: float) -> Plan:
     count = round(seconds / step)
 
     def held(rows: Any) -> Any:
-        return None if rows is None else np.concatenate([np.repeat(rows[:1], count, 0), rows])
+        if rows is None or rows.strides[0] == 0:  # one row that stands for all
+            return rows if rows is None else np.broadcast_to(rows[0], (count + len(rows), *rows[0].shape))
+        return np.concatenate([np.repeat(rows[:1], count, 0), rows])
 
     def still(rows: Any) -> Any:
         if rows is None:
             return None
+        if rows.strides[0] == 0 and not np.any(rows[0]):
+            return held(rows)
         return np.concatenate([np.zeros((count, *np.shape(rows)[1:])), rows])
 
     return replace(

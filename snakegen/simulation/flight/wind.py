@@ -11,7 +11,7 @@ _SLOWEST = 1.0  # m/s, at which turbulence is carried past a robot in still air 
 def steady(ticks: int, speed: float, direction: float) -> Floats:
     """Returns a constant horizontal wind; `direction` [rad] is where it blows to, from +x."""
     way = np.array([np.cos(direction), np.sin(direction), 0.0])
-    return np.repeat(speed * way[None], ticks, axis=0)
+    return np.broadcast_to(speed * way, (ticks, 3))
 
 
 def one_minus_cosine(time: Floats, start: float, length: float, peak: Floats) -> Floats:

@@ -48,10 +48,39 @@ def record(
     margins: bool = True,
 ) -> Recording:
     """Returns the recording of a flight; without `margins` it is made in a third of the time."""
+    bent = is_elastic(world, plan, meta)
+    windy = bool(np.any(flown.wind))
+    channels = flight_channels(world, plan, controller, flown, bent, windy, margins=margins)
+    events = tuple(Event(*e) for e in flown.events)
+    return Recording(plan.time[: flown.ticks], channels, events, flight_meta(world, meta))
+
+
+def is_elastic(world: World, plan: Plan, meta: dict[str, Any]) -> bool:
+    """Tells whether a flight records what bends: then all of its rows are looked at together."""
+    return bool(meta.get("vibration_damping")) or "pluck" in plan.facts or bends(world)
+
+
+def flight_channels(
+    world: World,
+    plan: Plan,
+    controller: Controller,
+    flown: Flown,
+    elastic: bool,
+    windy: bool,
+    *,
+    margins: bool = True,
+) -> dict[str, Channel]:
+    """Returns the channels of the ticks of `plan` that were flown.
+
+    Args:
+        world, plan, controller, flown: the flight, or a part of it and that of its plan.
+        elastic, windy: whether it records what bends, and the wind.
+        margins: along the run.
+    """
     robot, n = world.robot, flown.ticks
     time = plan.time[:n]
     motion = _motion(world, controller, flown)
-    target = quaternions(np.ascontiguousarray(frame_targets(plan, flown.frame)[0][:n]))
+    target = quaternions(np.ascontiguousarray(frame_targets(plan, flown.axes)[0][:n]))
     thrust = thrusts(world, flown)
     gimbals = world.gimbal_joints >= 0
     names = _Names(robot, world)
@@ -88,14 +117,12 @@ def record(
         channels["disturbance"] = channel("disturbance", plan.disturbance[:n])
         point = motion[0] if plan.disturbance_at_cog else _link_place(world, plan, flown)
         channels["disturbance_point"] = channel("disturbance_point", point)
-    if meta.get("vibration_damping") or "pluck" in plan.facts or bends(world):
+    if elastic:
         dt = float(time[1] - time[0]) if n > 1 else 1.0
         asked = flown.command[:, world.servos]
         channels |= elastic_channels(world, flown.qpos, flown.qvel, asked, dt)
-    channels |= _slow(world, controller if margins else None, plan, flown)
-    channels |= {k: _as_measured(channels[k]) for k in MEASURED if k in channels}
-    events = tuple(Event(*e) for e in flown.events)
-    return Recording(time, channels, events, _meta(robot, world, meta))
+    channels |= _slow(world, controller if margins else None, plan, flown, windy)
+    return channels | {k: _as_measured(channels[k]) for k in MEASURED if k in channels}
 
 
 def _as_measured(signal: Channel) -> Channel:
@@ -173,11 +200,16 @@ def _sigma_min(world: World, plan: Plan, controller: Controller, flown: Flown) -
     return true_sigma_min(controller, plan, told, states, thrust, gimbals)
 
 
+def slow_stride(time: Floats) -> int:
+    """Returns how many ticks lie between two rows of what is worked out from the posture."""
+    return max(1, round(SLOW / (time[1] - time[0]))) if len(time) > 1 else 1
+
+
 def _slow(
-    world: World, controller: Controller | None, plan: Plan, flown: Flown
+    world: World, controller: Controller | None, plan: Plan, flown: Flown, windy: bool
 ) -> dict[str, Channel]:
     """Returns margins of the modes flown (no controller: none) and clearances, at 10 Hz."""
-    step = max(1, round(SLOW / (plan.time[1] - plan.time[0]))) if len(plan.time) > 1 else 1
+    step = slow_stride(plan.time)
     rows = np.arange(0, flown.ticks, step)
     time = plan.time[rows]
     out = {}
@@ -191,7 +223,7 @@ def _slow(
     if plan.obstacles:
         out["obstacle_distance"] = channel("obstacle_distance", obstacle, time=time)
     out["battery_used"] = channel("battery_used", flown.used[rows], time=time)
-    if np.any(flown.wind):
+    if windy:
         out["wind"] = channel("wind", flown.wind[rows], time=time)
     if not np.all(np.isposinf(own)):  # inf: the robot has no parts that could touch
         out["self_distance"] = channel("self_distance", own, time=time)
@@ -204,8 +236,9 @@ def _rotor_meta(rotor: Rotor) -> dict[str, Any]:
     return {"link": rotor.link, "axis": list(rotor.axis), **place}
 
 
-def _meta(robot: Robot, world: World, meta: dict[str, Any]) -> dict[str, Any]:
+def flight_meta(world: World, meta: dict[str, Any]) -> dict[str, Any]:
     """Returns what the log says about the run beside its signals."""
+    robot = world.robot
     rotors = [r for a in robot.modules.apparatuses for r in a.rotors]
     efforts = robot.limits([robot.joint_names[i] for i in world.chain])[2]
     turned = world.gimbal_joints[world.gimbal_joints >= 0]

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from snakegen.base.sample_store import SampleStore
 from snakegen.errors import LogError, near
 from snakegen.simulation.recording.verdict import Verdict
 
@@ -170,6 +171,7 @@ class Recording:
     report: str = ""  # markdown
     metrics: dict[str, Any] = field(default_factory=dict)
     verdict: Verdict | None = None
+    store: SampleStore | None = field(default=None, repr=False, compare=False)  # of its samples
 
     def __post_init__(self) -> None:
         """Checks shapes, times and that `meta` and `metrics` are JSON."""
@@ -227,6 +229,11 @@ class Recording:
         """Returns the (T,) time axis of the channel `name`, s."""
         own = self.channel(name).time
         return self.time if own is None else own
+
+    def release(self) -> None:
+        """Gives back the memory of samples that lie in a store; they are read again when needed."""
+        if self.store is not None:
+            self.store.release()
 
     def held(self, name: str, time: ArrayLike) -> Floats:
         """Returns `name` at other times (n,), each the last value at or before it: (n, k)."""
