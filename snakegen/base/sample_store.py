@@ -72,7 +72,7 @@ class SampleStore:
                 raise self._refusal(error, data.nbytes) from None
 
     def array(self, columns: Columns, rows: int) -> Floats:
-        """Returns the first `rows` rows of columns, (rows, width), read-only, as they lie on disk."""
+        """Returns the first `rows` rows of columns, (rows, width), read-only."""
         if not columns.width or not rows:
             return np.zeros((rows, columns.width))
         if self._map is None or len(self._map) < self._size:

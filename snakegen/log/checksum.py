@@ -10,6 +10,7 @@ import mmap
 import re
 import secrets
 from pathlib import Path
+from threading import Event
 
 from snakegen.errors import LogError
 
@@ -19,19 +20,47 @@ _SEALED = re.compile(rb"=SHA256=([0-9a-f]{64})")
 
 
 def placeholder() -> str:
-    """Returns a text to log, whose digits `seal` replaces; another one at every call."""
+    """Returns a text to log, whose digits `Sealed` replaces; another one at every call."""
     return _MARK + secrets.token_hex(_DIGITS // 2)
 
 
-def seal(content: bytes, text: str) -> bytearray | None:
-    """Returns `content` with its checksum in the place of `text`; None where it was compressed."""
-    if content.count(text.encode()) != 1:
-        return None
-    at = content.index(text.encode()) + len(_MARK)
-    sealed = bytearray(content)
-    sealed[at : at + _DIGITS] = b"0" * _DIGITS
-    sealed[at : at + _DIGITS] = hashlib.sha256(sealed).hexdigest().encode()
-    return sealed
+class Sealed:
+    """Writes a file as it comes and puts its checksum in the place of a `placeholder` in it.
+
+    Args:
+        path: to write.
+        text: the placeholder, among the first bytes.
+
+    Attributes:
+        found: set once the placeholder has come by.
+    """
+
+    def __init__(self, path: Path, text: str) -> None:
+        self.found = Event()
+        self._file = path.open("wb")
+        self._text, self._head, self._at = text.encode(), b"", 0
+        self._digest = hashlib.sha256()
+
+    def write(self, data: bytes) -> None:
+        """Appends bytes; those before the placeholder wait for it."""
+        if not self.found.is_set():
+            self._head += data
+            at = self._head.find(self._text)
+            if at < 0:
+                return
+            self._at = at + len(_MARK)
+            data = self._head[: self._at] + b"0" * _DIGITS + self._head[self._at + _DIGITS :]
+            self._head = b""
+            self.found.set()
+        self._digest.update(data)
+        self._file.write(data)
+
+    def close(self) -> None:
+        """Writes the checksum and closes the file."""
+        with self._file:
+            if self.found.is_set():
+                self._file.seek(self._at)
+                self._file.write(self._digest.hexdigest().encode())
 
 
 def is_sealed(path: Path) -> bool:

@@ -10,7 +10,7 @@ from snakegen.errors import LogError
 from snakegen.log.checksum import is_sealed
 from snakegen.log.journal import is_journal, journal_of, read_journal
 from snakegen.log.store import decode, format_of
-from snakegen.log.write import ENTITY, identity
+from snakegen.log.write import ENTITY, SAMPLES, identity
 from snakegen.simulation.recording.recording import Recording
 
 
@@ -64,20 +64,36 @@ def _stored(path: Path) -> tuple[str, list[bytes], str]:
         if "without footer" in reason:  # rerun takes it for a file of an old version
             reason = "its end is missing"
         raise LogError(f"{path} is cut short or damaged: {reason}") from None
+    header, files = None, None
+    parts: dict[tuple[int, int], bytes] = {}
     for chunk in chunks:
-        if chunk.entity_path.strip("/") == ENTITY:
-            try:
-                found = _components(chunk.to_record_batch())
-            except (TypeError, IndexError, ValueError) as error:
-                raise LogError(f"{path} is cut short or damaged: {error}") from None
-            if found is not None:
-                return *found, stated[0]
-    raise LogError(f"{path} is a rerun log, but snakegen did not write it")
+        place = chunk.entity_path.strip("/")
+        if place != ENTITY and not place.startswith(f"{SAMPLES}/"):
+            continue
+        try:
+            found = _components(chunk.to_record_batch())
+            if place == ENTITY:
+                header, files = found.get("header", header), found.get("columns", files)
+            elif "bytes" in found:
+                axis, part = place.split("/")[-2:]
+                parts[int(axis), int(part)] = found["bytes"][0]
+        except (TypeError, IndexError, ValueError) as error:
+            raise LogError(f"{path} is cut short or damaged: {error}") from None
+    if header is None:
+        raise LogError(f"{path} is a rerun log, but snakegen did not write it")
+    if files is None:  # from format 3 on
+        files = [
+            b"".join(parts[key] for key in sorted(parts) if key[0] == axis)
+            for axis in sorted({key[0] for key in parts})
+        ]
+    return header[0], files, stated[0]
 
 
-def _components(batch: Any) -> tuple[str, list[bytes]] | None:
+def _components(batch: Any) -> dict[str, list[Any]]:
+    """Returns the components of the log's own that a chunk has: header, columns or bytes."""
     fields = {name.rsplit(":", 1)[-1]: i for i, name in enumerate(batch.schema.names)}
-    if not {"header", "columns"} <= fields.keys():
-        return None
-    header = batch.column(fields["header"])[0].as_py()[0]
-    return header, [bytes(data) for data in batch.column(fields["columns"])[0].as_py()]
+    out: dict[str, list[Any]] = {}
+    for name in ("header", "columns", "bytes"):
+        if name in fields:
+            out[name] = batch.column(fields[name])[0].as_py()
+    return out

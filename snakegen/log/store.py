@@ -2,7 +2,8 @@
 
 Scalars that rerun plots are thinned to what an eye can see; these columns are the run, every
 sample bit for bit. Parquet's BYTE_STREAM_SPLIT with zstd takes 20 % off float64 signals that
-rerun's own LZ4 cannot shrink at all. Equal columns (joint angles inside `q`) are stored once.
+rerun's own LZ4 cannot shrink at all. Equal columns (joint angles inside `q`) are stored once. A
+long run is encoded some rows at a time.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+from collections.abc import Callable
 from math import isfinite
-from typing import Any
+from typing import IO, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +24,24 @@ from snakegen.simulation.recording.recording import Channel, Event, Recording
 from snakegen.simulation.recording.verdict import Verdict
 
 Floats = NDArray[np.float64]
-FORMAT = 2  # logs of format 1 have no checksum of the whole file
+F = TypeVar("F", bound=IO[bytes])
+FORMAT = 3  # 2 had the samples of an axis in one piece, 1 no checksum of the whole file
+_ROWS = 65_536  # of a row group
 
 
 def encode(recording: Recording) -> tuple[str, list[bytes]]:
     """Returns the JSON header and the Parquet files, one for each time axis."""
+    header, files = encode_into(recording, io.BytesIO)
+    return header, [file.getvalue() for file in files]
+
+
+def encode_into(recording: Recording, new_file: Callable[[], F]) -> tuple[str, list[F]]:
+    """Returns the JSON header and the Parquet files, written to what `new_file` returns.
+
+    The files are at their end.
+    """
     axes: list[Floats] = []
-    tables: list[dict[str, Floats]] = []
+    tables: list[dict[str, Floats]] = []  # columns as they lie in the channels
     known: list[dict[bytes, str]] = []
     channels = {}
     for name, c in recording.channels.items():
@@ -36,6 +49,7 @@ def encode(recording: Recording) -> tuple[str, list[bytes]]:
         if i == len(tables):
             tables.append({})
             known.append({})
+        recording.release()
         columns = [_column(tables[i], known[i], c.values[:, j]) for j in range(len(c.labels))]
         channels[name] = {
             "unit": c.unit,
@@ -49,10 +63,13 @@ def encode(recording: Recording) -> tuple[str, list[bytes]]:
     main = _axis_index(axes, recording.time)
     if main == len(tables):
         tables.append({})
-    files = [_parquet(time, table) for time, table in zip(axes, tables, strict=True)]
+    files = []
+    for time, table in zip(axes, tables, strict=True):
+        files.append(new_file())
+        _write_parquet(time, table, files[-1], recording.release)
     header = {
         "format": FORMAT,
-        "sha256": [hashlib.sha256(data).hexdigest() for data in files],
+        "sha256": [_digest(file) for file in files],
         "axis": main,
         "channels": channels,
         "events": recording.events,
@@ -154,30 +171,42 @@ def _axis_index(axes: list[Floats], time: Floats) -> int:
 
 def _column(table: dict[str, Floats], known: dict[bytes, str], values: Floats) -> str:
     """Adds a column unless the table has the same bits already; returns its name."""
-    column = np.ascontiguousarray(values)
-    bits = column.tobytes()
+    bits = hashlib.sha256(np.ascontiguousarray(values).data).digest()
     if bits not in known:
         known[bits] = f"c{len(known)}"
-        table[known[bits]] = column
+        table[known[bits]] = values
     return known[bits]
 
 
-def _parquet(time: Floats, table: dict[str, Floats]) -> bytes:
+def _digest(file: IO[bytes]) -> str:
+    """Returns the SHA-256 of a file, which is at its end again."""
+    file.seek(0)
+    digest = hashlib.sha256()
+    while data := file.read(1 << 20):
+        digest.update(data)
+    return digest.hexdigest()
+
+
+def _write_parquet(
+    time: Floats, table: dict[str, Floats], file: IO[bytes], release: Callable[[], None]
+) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    columns: dict[str, Any] = {"time": pa.array(time), **{k: pa.array(v) for k, v in table.items()}}
-    out = io.BytesIO()
-    pq.write_table(
-        pa.table(columns),
-        out,
+    columns = {"time": time, **table}
+    with pq.ParquetWriter(
+        file,
+        pa.schema([(name, pa.float64()) for name in columns]),
         compression="zstd",
         compression_level=1,
         use_dictionary=False,
         write_statistics=False,
         column_encoding=dict.fromkeys(columns, "BYTE_STREAM_SPLIT"),
-    )
-    return out.getvalue()
+    ) as writer:
+        for first in range(0, len(time), _ROWS):
+            rows = {k: pa.array(v[first : first + _ROWS]) for k, v in columns.items()}
+            writer.write_table(pa.table(rows))
+            release()
 
 
 def _columns(data: bytes) -> dict[str, Floats]:

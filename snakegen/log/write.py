@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryFile
+from typing import IO, Any
 
 from snakegen.base.atomic_io import replace_whole
 from snakegen.errors import LogError, SnakegenError
-from snakegen.log.checksum import placeholder, seal
+from snakegen.log.checksum import Sealed, placeholder
 from snakegen.log.events import merged
-from snakegen.log.store import encode
+from snakegen.log.pipe import pipe_into
+from snakegen.log.store import encode_into
 from snakegen.simulation.recording.recording import Recording
 
 APPLICATION = "snakegen"
 ENTITY = "recording"
+SAMPLES = "recording/samples"
 ARCHETYPE = "snakegen.Recording"
+PART = 4 << 20  # bytes of samples that are written together
+_LATE = 2.0  # s, after which the checksum's text is taken to be compressed
 
 
 def write(recording: Recording, path: str | Path, *, mesh_folder: str | Path | None = None) -> Path:
@@ -43,22 +49,35 @@ def write(recording: Recording, path: str | Path, *, mesh_folder: str | Path | N
     if path.is_dir():
         raise LogError(f"cannot write {path}: it is a folder")
     folder = None if mesh_folder is None else Path(mesh_folder)
-    for _ in range(20):  # one time in some thirty the text is compressed
-        text = placeholder()
-        content = seal(_encoded(recording, folder, text), text)
-        if content is not None:
-            break
-    else:
-        raise LogError(f"cannot write {path}: rerun leaves no room for a checksum")
     try:
-        replace_whole(path, partial(_put, content), sync=True)
+        replace_whole(path, partial(_fill, recording, folder), sync=True)
     except SnakegenError as error:
         raise LogError(str(error)) from None
     return path
 
 
-def _put(content: bytearray, path: Path) -> None:
-    path.write_bytes(content)
+def _fill(recording: Recording, mesh_folder: Path | None, path: Path) -> None:
+    """Writes the log; one time in some thirty the checksum's text is compressed: then again."""
+
+    def beside() -> IO[bytes]:
+        return TemporaryFile(dir=path.parent)
+
+    header, files = encode_into(recording, beside)
+    try:
+        for _ in range(20):
+            text = placeholder()
+            sealed = Sealed(path, text)
+            try:
+                with pipe_into(sealed.write) as pipe:
+                    _write_to(pipe, recording, mesh_folder, header, files, sealed, text)
+            finally:
+                sealed.close()
+            if sealed.found.is_set():
+                return
+    finally:
+        for file in files:
+            file.close()
+    raise LogError(f"cannot write {path}: rerun leaves no room for a checksum")
 
 
 def identity(header: str) -> str:
@@ -69,8 +88,16 @@ def identity(header: str) -> str:
     return hashlib.sha256(header.encode()).hexdigest()[:32]
 
 
-def _encoded(recording: Recording, mesh_folder: Path | None, checksum: str) -> bytes:
-    """Returns the bytes of the log; rerun's own writer thread would hide a full disk."""
+def _write_to(
+    pipe: Path,
+    recording: Recording,
+    mesh_folder: Path | None,
+    header: str,
+    files: Sequence[IO[bytes]],
+    sealed: Sealed,
+    checksum: str,
+) -> None:
+    """Lets rerun write the log to `pipe`; leaves early where its checksum was compressed."""
     import rerun as rr
 
     from snakegen.log.body import log_body
@@ -79,37 +106,48 @@ def _encoded(recording: Recording, mesh_folder: Path | None, checksum: str) -> b
     from snakegen.log.plots import log_plots, series
     from snakegen.log.scene import scene
 
-    header, files = encode(recording)
     rec = rr.RecordingStream(APPLICATION, recording_id=identity(header))
-    seen = as_it_stands(recording)
-    view, shown = scene(seen), series(recording)
     strict = rr.strict_mode()
     try:
         rr.set_strict_mode(True)  # else a faulty column becomes a warning inside the log
-        stream = rr.binary_stream(rec)
+        rec.save(pipe)
+        place = rr.DynamicArchetype(ARCHETYPE, components={"checksum": [checksum]})
+        rec.log("checksum", place, static=True)
+        rec.flush()
+        if not sealed.found.wait(_LATE):
+            return
+        seen = as_it_stands(recording)
+        view, shown = scene(seen), series(recording)
+        recording.release()
         layout = blueprint(recording, view, shown)
         rec.send_blueprint(layout, make_active=False, make_default=True)
-        sealed = rr.DynamicArchetype(ARCHETYPE, components={"checksum": [checksum]})
-        rec.log("checksum", sealed, static=True)
         rec.send_recording_name(_title(recording))
         log_body(rec, seen, view, mesh_folder)
         log_plane(rec, recording, view.time)
         log_plots(rec, shown)
+        recording.release()
         _log_texts(rec, recording)
-        rec.log(
-            ENTITY,
-            rr.DynamicArchetype(
-                ARCHETYPE, components={"header": [header], "columns": _binary(files)}
-            ),
-            static=True,
-        )
-        content = stream.read(flush=True)
+        _log_samples(rec, header, files)
     finally:
         rr.set_strict_mode(strict)
         rec.disconnect()
-    if content is None:
-        raise LogError("rerun returned no log")
-    return content
+
+
+def _log_samples(rec: Any, header: str, files: Sequence[IO[bytes]]) -> None:
+    """Writes the header, and the files in parts that memory holds."""
+    import pyarrow as pa
+    import rerun as rr
+
+    for i, file in enumerate(files):
+        file.seek(0)
+        part = 0
+        while data := file.read(PART):
+            content = {"bytes": pa.array([data], pa.large_binary())}
+            place = f"{SAMPLES}/{i}/{part}"
+            rec.log(place, rr.DynamicArchetype(ARCHETYPE, components=content), static=True)
+            rec.flush()
+            part += 1
+    rec.log(ENTITY, rr.DynamicArchetype(ARCHETYPE, components={"header": [header]}), static=True)
 
 
 def _log_texts(rec: Any, recording: Recording) -> None:
@@ -144,9 +182,3 @@ def report_text(recording: Recording) -> str:
 def _title(recording: Recording) -> str:
     parts = [str(recording.meta[k]) for k in ("robot", "mission", "seed") if k in recording.meta]
     return " ".join(parts) or "run"
-
-
-def _binary(files: list[bytes]) -> Any:
-    import pyarrow as pa
-
-    return pa.array(files, pa.large_binary())

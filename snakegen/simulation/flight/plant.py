@@ -1,9 +1,9 @@
 """What a real robot adds to the ideal one: sensor noise, thrust mismatch, delay, air, battery.
 
 Every value comes from the spec's `plant` section; all random numbers of a run come from one
-generator, so that the same seed gives the same run on one machine. A `NoiseStream` draws them as the
-run goes: each array has its own place in the generator's sequence, and a copy of the generator is
-kept at each place, while the numbers in between are drawn and thrown away.
+generator, so that the same seed gives the same run on one machine. A `NoiseStream` draws them as
+the run goes: each array has its own place in the generator's sequence, and a copy of the generator
+is kept at each place, while the numbers in between are drawn and thrown away.
 """
 
 from collections.abc import Callable, Sequence

@@ -74,9 +74,7 @@ def run(
     ready = prepare(robot, name, gains=gains, allocator=allocator, ideal=ideal, options=options)
     world = ready.world()
     rng = np.random.default_rng(seed)
-    return ready.flown(
-        world, ready.imperfections, rng, seed, progress, keep=keep, folder=folder
-    )
+    return ready.flown(world, ready.imperfections, rng, seed, progress, keep=keep, folder=folder)
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,7 +54,11 @@ def trimmed(plan: Plan, seconds: float) -> Plan:
 
     def held(rows: Any) -> Any:
         if rows is None or rows.strides[0] == 0:  # one row that stands for all
-            return rows if rows is None else np.broadcast_to(rows[0], (count + len(rows), *rows[0].shape))
+            return (
+                rows
+                if rows is None
+                else np.broadcast_to(rows[0], (count + len(rows), *rows[0].shape))
+            )
         return np.concatenate([np.repeat(rows[:1], count, 0), rows])
 
     def still(rows: Any) -> Any:

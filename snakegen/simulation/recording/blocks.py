@@ -27,6 +27,7 @@ from snakegen.simulation.recording.recording import Channel, Event, Recording
 
 BLOCK = 10.0  # s, recorded together
 
+
 class Blocks:
     """Hands on the whole seconds of a flight, without margins, which cost more than the rest.
 
@@ -136,7 +137,9 @@ class Recorder:
         self.store.put(self._torque, first, flown.wanted[:, 3:])
         slow = -(-len(self.plan.time) // self.stride)
         for name, c in found.items():
-            rows, at = (len(self.plan.time), first) if c.time is None else (slow, first // self.stride)
+            rows, at = (
+                (len(self.plan.time), first) if c.time is None else (slow, first // self.stride)
+            )
             if name not in self._shapes:
                 columns = self.store.reserve(rows, len(c.labels))
                 self._shapes[name] = replace(c, values=c.values[:0]), columns

@@ -9,11 +9,13 @@ from snakegen.base.geometry import Floats
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.recording.signals import (
     MAY_BE_UNDEFINED,
+    Signal,
     at_limit,
-    attitude_error,
     gimbals_at_limit,
     held_limit,
-    position_error,
+    is_finite,
+    stored,
+    tracking_error,
 )
 
 _AXES = ("x", "y", "z")
@@ -21,12 +23,27 @@ _TURNS = ("roll", "pitch", "yaw")
 
 
 class Trace(NamedTuple):
-    """Signals behind a metric: (T,) s, (T, k), k names; `mean` of a column decides, or its peak."""
+    """Signals behind a metric, read a column at a time: k names, `mean` or peak of one decides."""
 
-    time: Floats
-    values: Floats
+    time: Floats  # (T,) s
+    column: Callable[[int], Floats]  # the (T,) values of a part
     parts: tuple[str, ...]
     mean: bool = False
+
+
+def _columns(values: Floats) -> Callable[[int], Floats]:
+    """Returns the reader of the columns of (T, k)."""
+    return lambda j: values[:, j]
+
+
+def _parts(signal: Signal, parts: tuple[str, ...], *, mean: bool, size: bool = False) -> Trace:
+    """Returns a signal, or its magnitude, as a trace."""
+
+    def column(j: int) -> Floats:
+        found = [values[:, j] for _, values in signal.pieces()]
+        return np.abs(np.concatenate(found)) if size else np.concatenate(found)
+
+    return Trace(signal.time, column, parts, mean)
 
 
 def find_trace(recording: Recording, metric: str) -> Trace | None:
@@ -47,9 +64,8 @@ def _plain(recording: Recording, name: str, *, size: bool = False) -> Trace | No
     if name not in recording.channels:
         return None
     c = recording.channel(name)
-    values = np.abs(c.values) if size else c.values
     parts = tuple("" if label == name else label for label in c.labels)
-    return Trace(recording.times(name), values, parts)
+    return _parts(stored(recording, name), parts, mean=False, size=size)
 
 
 def _use(recording: Recording, name: str, *, share: bool) -> Trace | None:
@@ -60,9 +76,13 @@ def _use(recording: Recording, name: str, *, share: bool) -> Trace | None:
     limit = held_limit(recording, name, c.values.shape[1])
     if limit is None:
         return None
-    use = np.abs(c.values) / np.where(limit > 0, limit, np.inf)
-    values = (use >= 0.99).astype(float) if share else use
-    return Trace(recording.times(name), values, tuple(c.labels), mean=share)
+    most = np.where(limit > 0, limit, np.inf)
+
+    def column(j: int) -> Floats:
+        use = np.abs(c.values[:, j]) / most[j]
+        return (use >= 0.99).astype(float) if share else use
+
+    return Trace(recording.times(name), column, tuple(c.labels), mean=share)
 
 
 def _error(which: str, *, mean: bool) -> Callable[[Recording], Trace | None]:
@@ -71,8 +91,8 @@ def _error(which: str, *, mean: bool) -> Callable[[Recording], Trace | None]:
     def read(recording: Recording) -> Trace | None:
         if not {which, f"{which}_target"} <= recording.channels.keys():
             return None
-        of, parts = (position_error, _AXES) if which == "position" else (attitude_error, _TURNS)
-        return Trace(recording.times(which), np.abs(of(recording)), parts, mean=mean)
+        parts = _AXES if which == "position" else _TURNS
+        return _parts(tracking_error(recording, which), parts, mean=mean, size=True)
 
     return read
 
@@ -82,16 +102,14 @@ def _saturation(recording: Recording) -> Trace | None:
     if found is None:
         return None
     name = "thrust_command" if "thrust_command" in recording.channels else "thrust"
-    labels = tuple(recording.channel(name).labels)
-    return Trace(recording.times(name), found.astype(float), labels, mean=True)
+    return _parts(found, tuple(recording.channel(name).labels), mean=True)
 
 
 def _gimbal_limit(recording: Recording) -> Trace | None:
     found = gimbals_at_limit(recording)
     if found is None:
         return None
-    labels = tuple(recording.channel("gimbal_command").labels)
-    return Trace(recording.times("gimbal_command"), found.astype(float), labels, mean=True)
+    return _parts(found, tuple(recording.channel("gimbal_command").labels), mean=True)
 
 
 def _trim(recording: Recording) -> Trace | None:
@@ -100,7 +118,7 @@ def _trim(recording: Recording) -> Trace | None:
     if held is None:
         return None
     start = recording.meta.get("metrics_window_s", [0.0])[0]
-    return Trace(np.array([start]), np.array([held], float), _AXES + _TURNS)
+    return Trace(np.array([start]), _columns(np.array([held], float)), _AXES + _TURNS)
 
 
 def _hover(recording: Recording) -> Trace | None:
@@ -109,25 +127,30 @@ def _hover(recording: Recording) -> Trace | None:
     if asked is None:
         return None
     time = recording.time[len(recording.time) // 2 :]
-    return Trace(time, np.repeat(np.array([asked], float), len(time), axis=0), _TURNS)
+    return Trace(time, lambda j: np.full(len(time), float(asked[j])), _TURNS)
 
 
 def _floor(recording: Recording) -> Trace | None:
     """Returns the floor's force, else how far the robot is below 0.1 mm."""
     if "floor_contact" in recording.channels:
         c = recording.channel("floor_contact")
-        return Trace(recording.times("floor_contact"), c.values, ("floor",) * c.values.shape[1])
+        names = ("floor",) * c.values.shape[1]
+        return Trace(recording.times("floor_contact"), _columns(c.values), names)
     return _plain(recording, "floor_distance")
 
 
 def _finite(recording: Recording) -> Trace | None:
     """Returns the first channel that holds something that is no number, as 0 and 1."""
     for name, c in recording.channels.items():
-        if name not in MAY_BE_UNDEFINED and not np.all(np.isfinite(c.values)):
-            bad = (~np.isfinite(c.values)).astype(float)
+        if name not in MAY_BE_UNDEFINED and not is_finite(recording, name):
             parts = tuple(p if p == name else f"{name} {p}" for p in c.labels)
-            return Trace(recording.times(name), bad, parts)
+            return Trace(recording.times(name), _undefined(c.values), parts)
     return None
+
+
+def _undefined(values: Floats) -> Callable[[int], Floats]:
+    """Returns the reader of where a column is no number, as 0 and 1."""
+    return lambda j: (~np.isfinite(values[:, j])).astype(float)
 
 
 def _end(recording: Recording) -> Trace | None:
@@ -136,7 +159,7 @@ def _end(recording: Recording) -> Trace | None:
         return None
     ends = np.zeros((len(recording.time), 1))
     ends[-1] = 1.0
-    return Trace(recording.time, ends, ("",))
+    return Trace(recording.time, _columns(ends), ("",))
 
 
 def _state_error(first: int, last: int | None, *, mean: bool) -> Callable[..., Trace | None]:
@@ -147,7 +170,7 @@ def _state_error(first: int, last: int | None, *, mean: bool) -> Callable[..., T
         if found is None:
             return None
         parts = found.parts[first:last]
-        return Trace(found.time, found.values[:, first:last], parts, mean=mean)
+        return Trace(found.time, lambda j: found.column(first + j), parts, mean=mean)
 
     return read
 
@@ -160,7 +183,7 @@ def _last(read: Callable[..., Trace | None]) -> Callable[[Recording], Trace | No
         return (
             None
             if found is None
-            else found._replace(time=found.time[-1:], values=found.values[-1:])
+            else found._replace(time=found.time[-1:], column=lambda j: found.column(j)[-1:])
         )
 
     return last
@@ -177,7 +200,10 @@ def _mean(name: str) -> Callable[[Recording], Trace | None]:
 def _screw_rate(recording: Recording) -> Trace | None:
     found = _plain(recording, "screw_rate_command", size=True)
     limit = recording.meta.get("limits", {}).get("screw_rate")
-    return None if found is None or not limit else found._replace(values=found.values / limit)
+    if found is None or not limit:
+        return None
+    most = np.broadcast_to(np.asarray(limit, float), (len(found.parts),))
+    return found._replace(column=lambda j: found.column(j) / most[j])
 
 
 def _tilt(recording: Recording) -> Trace | None:
@@ -185,7 +211,7 @@ def _tilt(recording: Recording) -> Trace | None:
         return None
     x, y = recording.channel("attitude").values[:, :2].T
     tilt = np.arccos(np.clip(1 - 2 * (x * x + y * y), -1, 1))
-    return Trace(recording.times("attitude"), tilt[:, None], ("tilt",))
+    return Trace(recording.times("attitude"), lambda _: tilt, ("tilt",))
 
 
 def _torque_gap(channel: str, *, of_limit: bool = False) -> Callable[[Recording], Trace | None]:
@@ -205,7 +231,8 @@ def _torque_gap(channel: str, *, of_limit: bool = False) -> Callable[[Recording]
             recording.channel("joint_torque").values + recording.channel("joint_friction").values
         )
         gap = np.abs((other - law.values) if channel == "joint_torque_inverse" else given - other)
-        return Trace(recording.times("joint_torque_law"), gap / peak, tuple(law.labels))
+        time = recording.times("joint_torque_law")
+        return Trace(time, _columns(gap / peak), tuple(law.labels))
 
     return read
 

@@ -8,7 +8,7 @@ hundredths of a radian of ZN23 Tables 4 and 6 is their roll, pitch and yaw error
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -18,11 +18,13 @@ from snakegen.simulation.drive.metrics import drive_metrics
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.recording.signals import (
     MAY_BE_UNDEFINED,
+    Signal,
     at_limit,
-    attitude_error,
     gimbals_at_limit,
     held_limit,
-    position_error,
+    is_finite,
+    stored,
+    tracking_error,
 )
 from snakegen.simulation.recording.vibration_metrics import vibration_metrics
 
@@ -58,50 +60,57 @@ def metrics(recording: Recording) -> dict[str, Any]:
 
 def _tracking(recording: Recording, start: float, end: float) -> dict[str, Any]:
     out: dict[str, Any] = {}
-    pairs: tuple[tuple[str, str, str, Callable[[Recording], Floats]], ...] = (
-        ("position", "position_target", "m", position_error),
-        ("attitude", "attitude_target", "rad", attitude_error),
-    )
-    for name, target, unit, error_of in pairs:
-        if name not in recording.channels or target not in recording.channels:
+    for name, unit in (("position", "m"), ("attitude", "rad")):
+        if not {name, f"{name}_target"} <= recording.channels.keys():
             continue
-        time, error = recording.times(name), error_of(recording)
-        inside = _inside(time, start, end)
-        out[f"{name}_rmse_{unit}"] = rms = _rms(error[inside])
+        squares, settled, peaks, last = _Mean(), _Mean(), [], None
+        for time, error in tracking_error(recording, name).pieces(start, end):
+            squares.add(error**2)
+            settled.add(error[time > SETTLED] ** 2)
+            peaks.append(np.linalg.norm(error, axis=1).max())
+            last = error[-1]
+        out[f"{name}_rmse_{unit}"] = rms = squares.root()
         out[f"{name}_rmse_norm_{unit}"] = None if rms is None else np.linalg.norm(rms)
-        out[f"{name}_max_{unit}"] = _worst(np.linalg.norm(error[inside], axis=1), np.max)
-        out[f"{name}_end_{unit}"] = error[inside][-1] if inside.any() else None
-        settled = inside & (time > SETTLED)
-        if settled.any():
-            out[f"{name}_rmse_settled_{unit}"] = _rms(error[settled])
+        out[f"{name}_max_{unit}"] = _worst(np.array(peaks), np.max)
+        out[f"{name}_end_{unit}"] = last
+        if settled.count:
+            out[f"{name}_rmse_settled_{unit}"] = settled.root()
     for name in ("joint", "gimbal"):
         if {f"{name}_angle", f"{name}_command"} <= recording.channels.keys():
-            time = recording.times(f"{name}_angle")
             angle = recording.channel(f"{name}_angle").values
-            error = (recording.held(f"{name}_command", time) - angle)[_inside(time, start, end)]
-            out[f"{name}_tracking_max_rad"] = _worst(np.abs(error), np.max)
+            axis = recording.times(f"{name}_angle")
+
+            def gap(
+                part: slice, name: str = name, angle: Floats = angle, axis: Floats = axis
+            ) -> Floats:
+                return np.abs(recording.held(f"{name}_command", axis[part], part) - angle[part])
+
+            out[f"{name}_tracking_max_rad"] = _peak(
+                Signal(axis, gap, recording.release).pieces(start, end), np.max
+            )
     return out
 
 
 def _thrusts(recording: Recording, start: float, end: float) -> dict[str, Any]:
     if "thrust" not in recording.channels:
         return {}
-    thrust = _cut(recording, "thrust", start, end)
-    out: dict[str, Any] = {"thrust_max_n": _worst(thrust, np.max)}
-    upper = held_limit(recording, "thrust_max", thrust.shape[1])
-    limited = at_limit(recording)
+    thrust = stored(recording, "thrust")
+    width = recording.channel("thrust").values.shape[1]
+    out: dict[str, Any] = {"thrust_max_n": _peak(thrust.pieces(start, end), np.max)}
+    upper, limited = held_limit(recording, "thrust_max", width), at_limit(recording)
     if upper is None or limited is None:
         return out
     name = "thrust_command" if "thrust_command" in recording.channels else "thrust"
-    inside = _inside(recording.times(name), start, end)
-    asked = recording.channel(name).values[inside]
-    busy = np.any(limited[inside], axis=1)
-    out["saturation_share"] = np.mean(busy) if np.all(np.isfinite(asked)) else None
+    asked = stored(recording, name).pieces(start, end)
+    finite, busy = all(np.all(np.isfinite(values)) for _, values in asked), _Mean()
+    for _, full in limited.pieces(start, end):
+        busy.add(np.any(full > 0.0, axis=1))
+    out["saturation_share"] = busy.value() if finite else None
     turned = gimbals_at_limit(recording)
     if turned is not None:
-        kept = turned[_inside(recording.times("gimbal_command"), start, end)]
-        out["gimbal_angle_limit_share"] = _worst(np.mean(kept, axis=0), np.max)
-    out["thrust_headroom"] = _worst(1.0 - thrust / upper, np.min)
+        out["gimbal_angle_limit_share"] = _largest_mean(turned.pieces(start, end))
+    left = ((time, 1.0 - values / upper) for time, values in thrust.pieces(start, end))
+    out["thrust_headroom"] = _peak(left, np.min)
     return out
 
 
@@ -110,15 +119,22 @@ def _torques(recording: Recording, start: float, end: float) -> dict[str, Any]:
     for name in ("joint_torque", "gimbal_torque", "roll_moment"):
         if name not in recording.channels:
             continue
-        torque = np.abs(_cut(recording, name, start, end))
-        if torque.shape[1] == 0:
+        width = recording.channel(name).values.shape[1]
+        if width == 0:
             continue
-        out[f"{name}_max_n_m"] = _worst(torque, np.max)
-        limit = held_limit(recording, name, torque.shape[1])
+        peaks, uses, full = [], [], _Mean()
+        limit = held_limit(recording, name, width)
+        for _, values in stored(recording, name).pieces(start, end):
+            torque = np.abs(values)
+            peaks.append(torque.max())
+            if limit is not None:
+                uses.append((torque / limit).max())
+                full.add(torque >= 0.99 * limit)
+        out[f"{name}_max_n_m"] = _worst(np.array(peaks), np.max)
         if limit is not None:
-            out[f"{name}_use"] = _worst(torque / limit, np.max)
-            full = np.mean(torque >= 0.99 * limit, axis=0) if len(torque) else torque
-            out[f"{name}_limit_share"] = _worst(full, np.max)  # of ticks, the busiest servo
+            out[f"{name}_use"] = _worst(np.array(uses), np.max)
+            share = full.value()  # of ticks, the busiest servo
+            out[f"{name}_limit_share"] = None if share is None else _worst(share, np.max)
     return out
 
 
@@ -241,8 +257,39 @@ def _held_integral(time: Floats, holds: NDArray[np.bool_]) -> float:
     return float(np.sum(step[holds]))
 
 
-def _rms(error: Floats) -> Floats | None:
-    return np.sqrt(np.mean(error**2, axis=0)) if len(error) else None
+class _Mean:
+    """The mean over rows that come in pieces."""
+
+    def __init__(self) -> None:
+        self.total: Any = 0.0
+        self.count = 0
+
+    def add(self, values: NDArray[Any]) -> None:
+        """Adds rows (n, …)."""
+        self.total = self.total + np.sum(values, axis=0)
+        self.count += len(values)
+
+    def value(self) -> Any:
+        """Returns the mean; None without rows."""
+        return self.total / self.count if self.count else None
+
+    def root(self) -> Any:
+        """Returns the root of the mean; None without rows."""
+        return np.sqrt(self.total / self.count) if self.count else None
+
+
+def _peak(pieces: Iterable[tuple[Floats, Floats]], pick: Callable[..., Any]) -> float | None:
+    """Returns the largest or smallest of all values; None where there is none."""
+    return _worst(np.array([pick(values) for _, values in pieces if values.size]), pick)
+
+
+def _largest_mean(pieces: Iterable[tuple[Floats, Floats]]) -> float | None:
+    """Returns the largest mean of a column; None where there is none."""
+    mean = _Mean()
+    for _, values in pieces:
+        mean.add(values)
+    found = mean.value()
+    return None if found is None else _worst(found, np.max)
 
 
 def _worst(values: Floats, pick: Callable[[Floats], Any]) -> float | None:
@@ -251,9 +298,7 @@ def _worst(values: Floats, pick: Callable[[Floats], Any]) -> float | None:
 
 def _all_finite(recording: Recording) -> bool:
     return all(
-        bool(np.all(np.isfinite(c.values)))
-        for name, c in recording.channels.items()
-        if name not in MAY_BE_UNDEFINED
+        is_finite(recording, name) for name in recording.channels if name not in MAY_BE_UNDEFINED
     )
 
 

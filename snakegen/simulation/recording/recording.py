@@ -235,11 +235,15 @@ class Recording:
         if self.store is not None:
             self.store.release()
 
-    def held(self, name: str, time: ArrayLike) -> Floats:
-        """Returns `name` at other times (n,), each the last value at or before it: (n, k)."""
+    def held(self, name: str, time: ArrayLike, part: slice | None = None) -> Floats:
+        """Returns `name` at other times (n,), each the last value at or before it: (n, k).
+
+        `part` are the rows of the recording's own axis at which `time` was cut out of it, if so.
+        """
         c, own, at = self.channel(name), self.times(name), np.asarray(time, float)
-        if own is at or np.array_equal(own, at):
-            return c.values
+        near = own if part is None else own[part]
+        if near is at or np.array_equal(near, at):
+            return c.values if part is None else c.values[part]
         index = np.searchsorted(own, at + 1e-9, side="right") - 1
         return c.values[np.clip(index, 0, len(own) - 1)]
 

@@ -1,5 +1,8 @@
 """Signals derived from a recording: tracking errors, actuator limits, rotors at a limit."""
 
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -7,6 +10,7 @@ from snakegen.base.geometry import Floats
 from snakegen.errors import LogError
 from snakegen.simulation.recording.recording import Recording
 
+PIECE = 65_536  # rows worked out together
 AT_LIMIT = 1e-3  # share of the thrust range that counts as being at its end
 MAY_BE_UNDEFINED = frozenset(
     {
@@ -25,17 +29,63 @@ MAY_BE_UNDEFINED = frozenset(
 WHOLE_TURN = 2e-3  # rad: limits of ±3.14 mean a whole turn
 
 
+class Signal(NamedTuple):
+    """A signal that is worked out a few rows at a time, so that a long run fits into memory."""
+
+    time: Floats  # (T,) s
+    rows: Callable[[slice], Floats]  # the values (n, k) of some rows
+    release: Callable[[], None]  # gives back the memory of what was read
+
+    def pieces(
+        self, start: float = -np.inf, end: float = np.inf
+    ) -> Iterator[tuple[Floats, Floats]]:
+        """Yields times (n,) and values (n, k) from `start` to `end` [s], in pieces of some rows."""
+        for first in range(0, len(self.time), PIECE):
+            part = slice(first, first + PIECE)
+            time = self.time[part]
+            inside = (time >= start) & (time <= end)
+            if inside.any():
+                values = self.rows(part)
+                yield time[inside], values if inside.all() else values[inside]
+            self.release()
+
+    def whole(self) -> Floats:
+        """Returns all rows, (T, k)."""
+        return np.concatenate([values for _, values in self.pieces()])
+
+
+def stored(recording: Recording, name: str) -> Signal:
+    """Returns a channel as a signal."""
+    values = recording.channel(name).values
+    return Signal(recording.times(name), lambda part: values[part], recording.release)
+
+
+def tracking_error(recording: Recording, name: str) -> Signal:
+    """Returns the error of "position" or "attitude" as `position_error` and `attitude_error` do."""
+    time, actual = recording.times(name), recording.channel(name).values
+
+    def rows(part: slice) -> Floats:
+        target = recording.held(f"{name}_target", time[part], part)
+        if name == "position":
+            return np.ascontiguousarray(target - actual[part])  # sums do not depend on the order
+        return rotation_vectors(actual[part], target)
+
+    return Signal(time, rows, recording.release)
+
+
 def position_error(recording: Recording) -> Floats:
     """Returns target − position, (T, 3) m, at the times of `position`."""
-    target = recording.held("position_target", recording.times("position"))
-    return target - recording.channel("position").values
+    return tracking_error(recording, "position").whole()
 
 
 def attitude_error(recording: Recording) -> Floats:
     """Returns the rotation vector of ``Rᵀ R_target``, (T, 3) rad, at the times of `attitude`."""
-    actual = recording.channel("attitude").values
-    target = recording.held("attitude_target", recording.times("attitude"))
-    return rotation_vectors(actual, target)
+    return tracking_error(recording, "attitude").whole()
+
+
+def is_finite(recording: Recording, name: str) -> bool:
+    """Tells whether all samples of a channel are finite."""
+    return all(np.all(np.isfinite(values)) for _, values in stored(recording, name).pieces())
 
 
 def rotation_vectors(actual: Floats, target: Floats) -> Floats:
@@ -67,39 +117,50 @@ def held_limit(recording: Recording, name: str, width: int) -> Floats | None:
     return np.broadcast_to(limit, (width,))
 
 
-def at_limit(recording: Recording) -> NDArray[np.bool_] | None:
-    """Returns whether each rotor's command is at an end of its range, (T, n); None if unknown.
+def at_limit(recording: Recording) -> Signal | None:
+    """Returns whether each rotor's command is at an end of its range, (T, n) 0 or 1.
 
-    Where commands are not recorded the thrusts given are taken.
+    Where commands are not recorded the thrusts given are taken; None if unknown.
     """
     if "thrust" not in recording.channels:
         return None
     name = "thrust_command" if "thrust_command" in recording.channels else "thrust"
-    asked = recording.channel(name).values
-    upper = held_limit(recording, "thrust_max", asked.shape[1])
+    width = recording.channel(name).values.shape[1]
+    upper = held_limit(recording, "thrust_max", width)
     if upper is None:
         return None
-    lower = held_limit(recording, "thrust_min", asked.shape[1])
+    lower = held_limit(recording, "thrust_min", width)
     lower = np.zeros_like(upper) if lower is None else lower
-    slack = AT_LIMIT * (upper - lower)
-    return np.asarray((asked >= upper - slack) | (asked <= lower + slack))
+    return _at_ends(recording, name, lower, upper, np.ones(width, bool))
 
 
-def gimbals_at_limit(recording: Recording) -> NDArray[np.bool_] | None:
-    """Returns whether each gimbal's command is at an end of its range, (T, k).
+def gimbals_at_limit(recording: Recording) -> Signal | None:
+    """Returns whether each gimbal's command is at an end of its range, (T, k) 0 or 1.
 
     None where no gimbal has limits: a range of a whole turn is none.
     """
     limits = recording.meta.get("limits", {})
     if "gimbal_command" not in recording.channels or "gimbal_lower" not in limits:
         return None
-    asked = recording.channel("gimbal_command").values
-    lower = held_limit(recording, "gimbal_lower", asked.shape[1])
-    upper = held_limit(recording, "gimbal_upper", asked.shape[1])
+    width = recording.channel("gimbal_command").values.shape[1]
+    lower = held_limit(recording, "gimbal_lower", width)
+    upper = held_limit(recording, "gimbal_upper", width)
     if lower is None or upper is None:
         return None
     held = upper - lower < 2.0 * np.pi - WHOLE_TURN
-    if not held.any():
-        return None
+    return _at_ends(recording, "gimbal_command", lower, upper, held) if held.any() else None
+
+
+def _at_ends(
+    recording: Recording, name: str, lower: Floats, upper: Floats, held: NDArray[np.bool_]
+) -> Signal:
+    """Returns whether the columns `held` of a channel are at an end of their range, 0 or 1."""
     slack = AT_LIMIT * (upper - lower)
-    return np.asarray(held & ((asked >= upper - slack) | (asked <= lower + slack)))
+    asked = recording.channel(name).values
+
+    def rows(part: slice) -> Floats:
+        values = asked[part]
+        found = held & ((values >= upper - slack) | (values <= lower + slack))
+        return np.asarray(found, float)
+
+    return Signal(recording.times(name), rows, recording.release)

@@ -61,7 +61,7 @@ def worst_place(
         least: whether small values are the bad ones.
     """
     trace = find_trace(recording, metric)
-    if trace is None or trace.values.size == 0:
+    if trace is None or not trace.parts or not len(trace.time):
         return None
     start, end = recording.meta.get("metrics_window_s") or (trace.time[0], trace.time[-1])
     inside = (trace.time >= start) & (trace.time <= end)
@@ -71,26 +71,37 @@ def worst_place(
         inside &= trace.time > STARTED
     if metric in WHOLE_RUN or not inside.any():
         inside = np.ones(len(trace.time), bool)
-    time, values = trace.time[inside], trace.values[inside]
-    usable = np.where(np.isfinite(values), values, -np.inf if not least else np.inf)
-    if not np.isfinite(usable).any():
+    time, none = trace.time[inside], np.inf if least else -np.inf
+
+    def usable(j: int) -> Floats:
+        values = trace.column(j)[inside]
+        return np.where(np.isfinite(values), values, none)
+
+    peaks, scores = [], []
+    for j in range(len(trace.parts)):
+        values = usable(j)
+        peaks.append(float(values.min() if least else values.max()))
+        finite = np.where(np.isfinite(values), values, 0.0)
+        scores.append(float(np.mean(finite**2)) if trace.mean else peaks[-1])
+        recording.release()
+    if not np.isfinite(peaks).any():
         return Place(trace.parts[0], float(time[0]), float(time[0]), float(time[-1]))
-    if not least and not usable.max() > 0.0:
+    if not least and not max(peaks) > 0.0:
         return None  # nothing of it happened
-    column = _column(usable, value, bound, trace.mean, least)
-    return _stretch(time, usable[:, column], trace.parts[column], bound, column, least, trace.mean)
+    j = _column(np.array(scores), value, bound, least)
+    found = _stretch(time, usable(j), trace.parts[j], bound, j, least, trace.mean)
+    recording.release()
+    return found
 
 
-def _column(values: Floats, value: Any, bound: Any, mean: bool, least: bool) -> int:
+def _column(scores: Floats, value: Any, bound: Any, least: bool) -> int:
     """Returns the column that decides the metric."""
-    if isinstance(value, list | tuple) and len(value) == values.shape[1]:
+    if isinstance(value, list | tuple) and len(value) == len(scores):
         sizes = np.array([np.inf if v is None else abs(v) for v in value], float)
         if isinstance(bound, list | tuple) and len(bound) == len(sizes):
             sizes = sizes / np.maximum(np.asarray(bound, float), 1e-300)
         return int(np.argmax(sizes))
-    finite = np.where(np.isfinite(values), values, 0.0) if mean else values
-    score = np.mean(finite**2, axis=0) if mean else (values.min(0) if least else values.max(0))
-    return int(np.argmin(score) if least else np.argmax(score))
+    return int(np.argmin(scores) if least else np.argmax(scores))
 
 
 def _stretch(
