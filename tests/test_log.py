@@ -13,6 +13,7 @@ from synthetic_run import JOINTS, ROTORS, URDF, flight
 
 from snakegen.errors import LogError
 from snakegen.log import compare, inspect, read, snapshot, write
+from snakegen.log.checksum import Sealed
 from snakegen.log.scene import scene
 from snakegen.log.store import decode, encode
 from snakegen.simulation.recording.metrics import metrics
@@ -109,7 +110,7 @@ def test_changed_samples_are_refused(run: Recording):
     with pytest.raises(LogError, match="changed"):
         decode(header, [files[0][:-9] + b"x" + files[0][-8:], *files[1:]])
     with pytest.raises(LogError, match="format 99"):
-        decode(header.replace('"format": 2', '"format": 99', 1), files)
+        decode(header.replace('"format": 3', '"format": 99', 1), files)
 
 
 def test_rerun_verifies_the_log(log: Path):
@@ -211,10 +212,10 @@ def test_nothing_is_left_when_writing_fails(run: Recording, tmp_path: Path, monk
     path = tmp_path / "kept.rrd"
     path.write_bytes(b"earlier")
 
-    def full(self: Path, content: bytes) -> int:
+    def full(self: Sealed, content: bytes) -> int:
         raise OSError(28, os.strerror(28))
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(Sealed, "write", full)
     with pytest.raises(LogError, match="No space left"):
         write(run, path)
     assert path.read_bytes() == b"earlier" and [p.name for p in tmp_path.iterdir()] == ["kept.rrd"]

@@ -1,9 +1,12 @@
 """Damaged and hostile logs are one kind of error; a log on a full disk is one line and no file."""
 
 import errno
+import hashlib
+import io
 import json
 import os
 import resource
+import secrets
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -11,12 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
+import rerun as rr
 from synthetic_run import flight
 
 from snakegen.errors import LogError
 from snakegen.log import inspect, read, write
 from snakegen.log.store import decode, encode
+from snakegen.log.write import identity
 from snakegen.simulation.recording.metrics import metrics
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS
@@ -104,7 +110,9 @@ def test_a_hostile_log_is_inspected_in_one_line(
     """A whole .rrd whose header does not fit its samples, the digests matching."""
     text, files = encode(run)
     bad = json.dumps(changed(json.loads(text), path, wrong))
-    monkeypatch.setattr(sys.modules[write.__module__], "encode", lambda recording: (bad, files))
+    given = [io.BytesIO(data) for data in files]
+    module = sys.modules[write.__module__]
+    monkeypatch.setattr(module, "encode_into", lambda recording, new_file: (bad, given))
     file = write(run, tmp_path / "bad.rrd")
     try:
         inspect(file)
@@ -126,22 +134,60 @@ def test_a_flipped_bit_is_refused_before_rerun_decodes_it(log: Path, tmp_path: P
             read(damaged)
 
 
-def test_a_log_of_the_format_before_is_read(
+def old_log(path: Path, header: str, files: list[bytes], *, sealed: bool) -> Path:
+    """Writes a log as formats 1 and 2 were: samples in one component, 2 with a checksum."""
+    mark = b"=SHA256=" + secrets.token_hex(32).encode()
+    rec = rr.RecordingStream("snakegen", recording_id=identity(header))
+    stream = rr.binary_stream(rec)
+    parts = {"header": [header], "columns": pa.array(files, pa.large_binary())}
+    rec.log("checksum", rr.DynamicArchetype("a", components={"sum": [mark.decode()]}), static=True)
+    rec.log("recording", rr.DynamicArchetype("a", components=parts), static=True)
+    content = stream.read(flush=True)
+    rec.disconnect()
+    if content.count(mark) != 1:  # compressed: one time in thirty
+        return old_log(path, header, files, sealed=sealed)
+    if sealed:
+        blank = content.replace(mark, b"=SHA256=" + b"0" * 64)
+        mark, content = b"0" * 64, blank
+        new = hashlib.sha256(blank).hexdigest().encode()
+    else:
+        new = b"=SHA000=" + b"0" * 64
+    path.write_bytes(content.replace(mark, new, 1))
+    return path
+
+
+def test_logs_of_the_formats_before_are_read(run: Recording, tmp_path: Path) -> None:
+    """Format 1 had no checksum of the whole file, 2 its samples in one piece."""
+    text, files = encode(run)
+    for number, sealed in ((1, False), (2, True)):
+        old = text.replace('"format": 3', f'"format": {number}', 1)
+        assert old != text
+        found = read(old_log(tmp_path / f"{number}.rrd", old, files, sealed=sealed))
+        assert found.metrics == run.metrics
+        for name, c in run.channels.items():
+            assert np.array_equal(found.channels[name].values, c.values, equal_nan=True)
+    with pytest.raises(LogError, match="its checksum is missing"):
+        read(old_log(tmp_path / "new.rrd", text, files, sealed=False))
+
+
+def test_samples_in_many_parts_are_read_and_a_missing_part_is_noticed(
     run: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Format 1 had no checksum of the whole file."""
     module = sys.modules[write.__module__]
-    text, files = encode(run)
-    old = text.replace('"format": 2', '"format": 1', 1)
-    monkeypatch.setattr(module, "encode", lambda recording: (old, files))
-    monkeypatch.setattr(
-        module, "seal", lambda content, text: content.replace(b"=SHA256=", b"=SHA000=")
-    )
-    path = write(run, tmp_path / "old.rrd")
-    assert b"=SHA256=" not in path.read_bytes()
-    assert read(path).metrics == run.metrics
-    monkeypatch.setattr(module, "encode", lambda recording: (text, files))
-    with pytest.raises(LogError, match="its checksum is missing"):
+    monkeypatch.setattr(module, "PART", 5000)
+    path = write(run, tmp_path / "parts.rrd")
+    assert path.read_bytes().count(b"recording/samples") > 10
+    for name, c in read(path).channels.items():
+        assert np.array_equal(c.values, run.channels[name].values, equal_nan=True)
+    whole = module.encode_into
+
+    def one_short(recording: Recording, new_file: Any) -> Any:
+        header, files = whole(recording, new_file)
+        files[0].truncate(files[0].tell() - 5000)
+        return header, files
+
+    monkeypatch.setattr(module, "encode_into", one_short)
+    with pytest.raises(LogError, match="samples have changed"):
         read(write(run, path))
 
 

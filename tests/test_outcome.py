@@ -15,7 +15,9 @@ from snakegen.errors import MissionError
 from snakegen.log import layout, plots, read
 from snakegen.log.events import merged
 from snakegen.log.scene import scene
-from snakegen.simulation.flight.run import run
+from snakegen.robot.robot import load
+from snakegen.simulation import monte_carlo
+from snakegen.simulation.flight.run import prepare, run
 from snakegen.simulation.recording.recording import Event, Recording
 from snakegen.simulation.recording.summary import outcome
 from snakegen.spec.loading import load_spec
@@ -204,7 +206,7 @@ def test_no_two_curves_of_a_plot_have_one_name(failed: Recording) -> None:
 def test_interrupted_trials_have_not_passed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What was flown is told and the worst logged, with its draw; the exit code is 3."""
+    """What was flown is told and the worst logged, with its draw; the exit code is 130."""
 
     class Stopping(command.progress_bar):
         def __enter__(self):
@@ -219,10 +221,25 @@ def test_interrupted_trials_have_not_passed(
     asked = ("dragon4", "--duration", "0.3", "--trials", "40", "--workers", "1", "-o", str(log))
     code, said = call(*asked, "--json")
     out = json.loads(said)
-    assert code == 3 and out["trials"] < 40 and out["survival"] == 1.0 and not out["passed"]
+    assert code == 130 and out["trials"] < 40 and out["survival"] == 1.0 and not out["passed"]
     worst = read(log)
     assert f"Trial {out['worst']['number']}, drawn: mass" in worst.report
-    assert call(*asked)[0] == 3
+    code, said = call(*asked)
+    assert code == 130 and "were asked for; kept: the " in said
+
+
+def test_trials_interrupted_before_the_first_is_finished_end_as_ctrl_c_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Nothing is kept, and no error of the mission is blamed."""
+
+    def wait(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(monte_carlo, "wait", wait)
+    ready = prepare(load("dragon4"), "hover", options={"duration": 0.2})
+    with pytest.raises(KeyboardInterrupt):
+        monte_carlo.monte_carlo(ready, 3, workers=1)
 
 
 def test_the_arrows_are_inside_the_view(failed: Recording) -> None:

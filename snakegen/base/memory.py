@@ -1,5 +1,7 @@
 """What does not fit into memory is refused before it is begun, with what would fit."""
 
+import contextlib
+import ctypes
 import os
 
 from snakegen.errors import AnalysisError
@@ -39,3 +41,9 @@ def refuse_beyond(size: float, what: str, remedy: str) -> None:
         raise AnalysisError(
             f"{what} would take {size / 1e9:.3g} GB; {available() / 1e9:.3g} GB are free: {remedy}."
         )
+
+
+def trim() -> None:
+    """Gives the memory that was freed back to the system; the C library keeps some otherwise."""
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL(None).malloc_trim(0)

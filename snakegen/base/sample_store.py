@@ -33,7 +33,7 @@ class SampleStore:
     def __init__(self, folder: str | Path | None = None) -> None:
         self.folder = Path(folder or tempfile.gettempdir())
         self._size = 0
-        self._map: mmap.mmap | None = None
+        self._maps: list[mmap.mmap] = []
         try:
             self._file = tempfile.TemporaryFile(dir=self.folder, buffering=0)  # noqa: SIM115
         except OSError as error:
@@ -75,19 +75,22 @@ class SampleStore:
         """Returns the first `rows` rows of columns, (rows, width), read-only."""
         if not columns.width or not rows:
             return np.zeros((rows, columns.width))
-        if self._map is None or len(self._map) < self._size:
-            self._map = mmap.mmap(self._file.fileno(), self._size, access=mmap.ACCESS_READ)
+        if not self._maps or len(self._maps[-1]) < self._size:
+            new = mmap.mmap(self._file.fileno(), self._size, access=mmap.ACCESS_READ)
+            self._maps.append(new)
         count = columns.rows * columns.width
-        flat = np.frombuffer(self._map, np.float64, count, columns.first)
+        flat = np.frombuffer(self._maps[-1], np.float64, count, columns.first)
         return flat.reshape(columns.width, columns.rows)[:, :rows].T
 
     def release(self) -> None:
         """Gives back the memory of what was read."""
-        if self._map is not None and hasattr(mmap, "MADV_DONTNEED"):
-            self._map.madvise(mmap.MADV_DONTNEED)
+        for each in self._maps:
+            if hasattr(mmap, "MADV_DONTNEED"):
+                each.madvise(mmap.MADV_DONTNEED)
 
     def _refusal(self, error: OSError, size: int) -> SnakegenError:
         reason = error.strerror or str(error)
         return SnakegenError(
-            f"{self.folder}: no room for {(self._size + size) / 1e6:.3g} MB of samples ({reason})."
+            f"{self.folder}{os.sep} has no room for {(self._size + size) / 1e6:.3g} MB of samples "
+            f"({reason})."
         )

@@ -146,7 +146,9 @@ def flight(
         journal = Journal(path)
         try:
             with bar as step:
-                recording = run(machine, mission, progress=step, keep=journal.keep, **how)
+                recording = run(
+                    machine, mission, progress=step, keep=journal.keep, folder=path.parent, **how
+                )
             write(recording, path, mesh_folder=meshes)
         finally:
             journal.remove()

@@ -59,6 +59,8 @@ def fly_trials(
     else:
         for line in outcome_lines(out, path):
             click.echo(line)
+    if len(found.trials) < count:
+        return 130  # by Ctrl-C; the log and the outcome are of the trials that were finished
     return 0 if passed else 3
 
 
@@ -87,7 +89,8 @@ def outcome_lines(out: dict[str, Any], path: Path) -> list[str]:
         "drawn over " + ", ".join(_range(*item) for item in out["uncertainty"].items()),
     ]
     if out["trials"] < out["trials_asked"]:
-        lines.append(f"interrupted: {out['trials_asked']} were asked for")
+        kept = f"kept: the {out['trials']} that were finished, and the log of their worst"
+        lines.append(f"interrupted; {out['trials_asked']} were asked for; {kept}")
     if out["failed_checks"]:
         counts = ", ".join(f"{name} {count}" for name, count in out["failed_checks"].items())
         lines.append(f"failed checks: {counts}")

@@ -65,6 +65,7 @@ def _log_robot(
         if j.name in view.angles:
             turned = _moved(*sk.joint_poses(j, view.angles[j.name]), j.parent, j.child)
             rec.send_columns(rr.new_entity_path(["world", "motion", j.name]), columns, turned)
+            rec.flush()  # what it has not written yet stays in memory
 
 
 def _moved(position: Floats, xyzw: Floats, parent: str, child: str) -> Any:

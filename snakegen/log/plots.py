@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from snakegen.log import style
 from snakegen.log.scene import last_finite
 from snakegen.log.skeleton import angles_of, rotations_from_xyzw
 from snakegen.simulation.recording.recording import Recording
-from snakegen.simulation.recording.signals import attitude_error, position_error
+from snakegen.simulation.recording.signals import stored, tracking_error
 
 Floats = NDArray[np.float64]
 
@@ -61,10 +62,10 @@ def series(recording: Recording) -> list[Series]:
     """Returns what is plotted; errors are worked out here, a command joins what it commands."""
     out = []
     if {"position", "position_target"} <= recording.channels.keys():
-        time, error = recording.times("position"), position_error(recording)
+        time, error = recording.times("position"), _kept(recording, "position")
         out.append(Series("position error", "error", time, error, ("x", "y", "z"), "m"))
     if {"attitude", "attitude_target"} <= recording.channels.keys():
-        time, error = recording.times("attitude"), attitude_error(recording)
+        time, error = recording.times("attitude"), _kept(recording, "attitude")
         labels = ("roll", "pitch", "yaw")
         out.append(Series("attitude error", "error", time, error, labels, "rad"))
     out += _angles(recording)
@@ -90,11 +91,43 @@ def _angles(recording: Recording) -> list[Series]:
     out = []
     for name in ("attitude", "attitude_target"):
         if name in recording.channels:
-            values = last_finite(recording.channel(name).values)
-            angles = angles_of(rotations_from_xyzw(values))
+            angles = _attitude_angles(recording, name)
             labels = ("roll", "pitch", "yaw")
             out.append(Series("attitude", name, recording.times(name), angles, labels, "rad"))
     return out
+
+
+def _kept(recording: Recording, name: str) -> Floats:
+    """Returns the tracking error (T, 3), in the recording's store where it has one."""
+    error = tracking_error(recording, name)
+    return kept(recording, len(error.time), (values for _, values in error.pieces()))
+
+
+def kept(recording: Recording, rows: int, pieces: Iterable[Floats]) -> Floats:
+    """Returns pieces of (rows, 3) as one array, in the recording's store where it has one."""
+    if recording.store is None:
+        return np.concatenate(list(pieces))
+    columns, first = recording.store.reserve(rows, 3), 0
+    for values in pieces:
+        recording.store.put(columns, first, values)
+        first += len(values)
+    return recording.store.array(columns, rows)
+
+
+def _attitude_angles(recording: Recording, name: str) -> Floats:
+    """Returns roll, pitch, yaw (T, 3) of a channel of quaternions, turns unwrapped."""
+    ends: list[Floats] = []  # the last quaternion and the last angles so far
+
+    def pieces() -> Iterator[Floats]:
+        for _, values in stored(recording, name).pieces():
+            joined = last_finite(np.concatenate([ends[0], values]) if ends else values)
+            angles = angles_of(rotations_from_xyzw(joined))
+            if ends:  # whole turns that came before
+                angles += 2.0 * np.pi * np.round((ends[1] - angles[:1]) / (2.0 * np.pi))
+            ends[:] = [joined[-1:], angles[-1:]]
+            yield angles[1:] if len(joined) > len(values) else angles
+
+    return kept(recording, len(recording.times(name)), pieces())
 
 
 def _limits(recording: Recording) -> list[Series]:
@@ -117,8 +150,11 @@ def legend(s: Series, shown: list[Series]) -> list[str]:
     return [f"{own} {label}" if label in taken else label for label in s.labels]
 
 
-def log_plots(rec: Any, shown: list[Series]) -> None:
-    """Writes the time series into the rerun recording `rec`."""
+def log_plots(rec: Any, shown: list[Series], release: Callable[[], None]) -> None:
+    """Writes the time series into the rerun recording `rec`.
+
+    `release` gives back the memory of what was read.
+    """
     import rerun as rr
 
     drawn: dict[str, int] = {}
@@ -146,3 +182,4 @@ def log_plots(rec: Any, shown: list[Series]) -> None:
                 np.full(len(index), width)
             ),
         )
+        release()

@@ -26,7 +26,7 @@ from snakegen.simulation.recording.verdict import Verdict
 Floats = NDArray[np.float64]
 F = TypeVar("F", bound=IO[bytes])
 FORMAT = 3  # 2 had the samples of an axis in one piece, 1 no checksum of the whole file
-_ROWS = 65_536  # of a row group
+_NUMBERS = 1 << 21  # of a row group
 
 
 def encode(recording: Recording) -> tuple[str, list[bytes]]:
@@ -49,8 +49,10 @@ def encode_into(recording: Recording, new_file: Callable[[], F]) -> tuple[str, l
         if i == len(tables):
             tables.append({})
             known.append({})
-        recording.release()
-        columns = [_column(tables[i], known[i], c.values[:, j]) for j in range(len(c.labels))]
+        columns = [
+            _column(tables[i], known[i], c.values[:, j], recording.release)
+            for j in range(len(c.labels))
+        ]
         channels[name] = {
             "unit": c.unit,
             "labels": c.labels,
@@ -169,9 +171,12 @@ def _axis_index(axes: list[Floats], time: Floats) -> int:
     return len(axes) - 1
 
 
-def _column(table: dict[str, Floats], known: dict[bytes, str], values: Floats) -> str:
+def _column(
+    table: dict[str, Floats], known: dict[bytes, str], values: Floats, release: Callable[[], None]
+) -> str:
     """Adds a column unless the table has the same bits already; returns its name."""
     bits = hashlib.sha256(np.ascontiguousarray(values).data).digest()
+    release()
     if bits not in known:
         known[bits] = f"c{len(known)}"
         table[known[bits]] = values
@@ -203,8 +208,9 @@ def _write_parquet(
         write_statistics=False,
         column_encoding=dict.fromkeys(columns, "BYTE_STREAM_SPLIT"),
     ) as writer:
-        for first in range(0, len(time), _ROWS):
-            rows = {k: pa.array(v[first : first + _ROWS]) for k, v in columns.items()}
+        size = max(4096, _NUMBERS // len(columns))
+        for first in range(0, len(time), size):
+            rows = {k: pa.array(v[first : first + size]) for k, v in columns.items()}
             writer.write_table(pa.table(rows))
             release()
 

@@ -16,6 +16,7 @@ TIMELINE = "time"
 FRAME_RATE = 20.0  # Hz, of what moves in 3D
 MOST_FRAMES = 12_000  # ten minutes at that rate; longer runs are drawn at a lower one
 PLOT_BYTES = 1.5e6  # what all plotted samples together may take
+_ROWS = 16_384  # looked at together
 SCREEN = 1000  # points across; fewer are all drawn
 
 # Okabe & Ito's set, brightened for a dark ground; told apart by colour-blind eyes.
@@ -82,6 +83,12 @@ def standing_out(values: Floats, stride: int) -> Ints:
         return np.arange(rows)
     from snakegen.kernels.flight.run_history import farthest_rows
 
-    index = farthest_rows(np.ascontiguousarray(values), stride)
+    block = max(1, _ROWS // stride) * stride
+    index = np.concatenate(
+        [
+            first + farthest_rows(np.ascontiguousarray(values[first : first + block]), stride)
+            for first in range(0, rows, block)
+        ]
+    )
     inner = index[(index > 0) & (index < rows - 1)]
     return np.concatenate([[0], inner, [rows - 1]])

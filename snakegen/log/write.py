@@ -10,6 +10,7 @@ from tempfile import TemporaryFile
 from typing import IO, Any
 
 from snakegen.base.atomic_io import replace_whole
+from snakegen.base.memory import trim
 from snakegen.errors import LogError, SnakegenError
 from snakegen.log.checksum import Sealed, placeholder
 from snakegen.log.events import merged
@@ -21,7 +22,7 @@ APPLICATION = "snakegen"
 ENTITY = "recording"
 SAMPLES = "recording/samples"
 ARCHETYPE = "snakegen.Recording"
-PART = 4 << 20  # bytes of samples that are written together
+PART = 1 << 20  # bytes of samples that are written together
 _LATE = 2.0  # s, after which the checksum's text is taken to be compressed
 
 
@@ -117,16 +118,20 @@ def _write_to(
         if not sealed.found.wait(_LATE):
             return
         seen = as_it_stands(recording)
+        trim()
         view, shown = scene(seen), series(recording)
-        recording.release()
+        trim()
         layout = blueprint(recording, view, shown)
         rec.send_blueprint(layout, make_active=False, make_default=True)
         rec.send_recording_name(_title(recording))
         log_body(rec, seen, view, mesh_folder)
         log_plane(rec, recording, view.time)
-        log_plots(rec, shown)
-        recording.release()
+        del view, layout
+        log_plots(rec, shown, recording.release)
+        del shown
         _log_texts(rec, recording)
+        rec.flush()
+        trim()
         _log_samples(rec, header, files)
     finally:
         rr.set_strict_mode(strict)

@@ -151,7 +151,8 @@ def monte_carlo(
         progress: called with trials flown and trials in all.
 
     Raises:
-        MissionError: no trial asked for, or interrupted before the first was finished.
+        MissionError: no trial asked for.
+        KeyboardInterrupt: interrupted before the first was finished.
     """
     if count < 1:
         raise MissionError(f"{count} trials: at least 1 is needed.")
@@ -174,7 +175,7 @@ def monte_carlo(
             if not isinstance(error, KeyboardInterrupt):
                 raise
     if not done:
-        raise MissionError("interrupted before the first trial was finished.")
+        raise KeyboardInterrupt  # before the first trial was finished: nothing is kept
     return summary(count, spread, sorted(done, key=lambda t: t.number))
 
 

@@ -14,7 +14,6 @@ import mujoco
 import numpy as np
 
 from snakegen.base.geometry import Floats
-from snakegen.errors import MissionError
 from snakegen.inverse_kinematics.friction import Friction
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.world import World
@@ -114,7 +113,8 @@ def arm_trials(
         progress: called with runs done and runs in all.
 
     Raises:
-        MissionError: no run asked for, or interrupted before the first was finished.
+        MissionError: no run asked for.
+        KeyboardInterrupt: interrupted before the first was finished.
     """
     module = mission(name, robot)
     chosen = checked_options(name, module.Options, options or {})
@@ -135,7 +135,7 @@ def arm_trials(
         if progress is not None:
             progress(k + 1, count)
     if worst is None:
-        raise MissionError("interrupted before the first trial was finished.")
+        raise KeyboardInterrupt  # before the first trial was finished: nothing is kept
     return summary(count, spread, trials), worst[1]
 
 

@@ -20,7 +20,7 @@ from snakegen.control.frame import cog_frame
 from snakegen.kernels.control.types import DUAL
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.robot.robot import GRAVITY, Robot
-from snakegen.simulation.flight.plan import Plan
+from snakegen.simulation.flight.plan import Plan, is_constant
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.postures import place
 from snakegen.simulation.flight.trim import SETTLING
@@ -93,7 +93,10 @@ def sources(
 def postures(plan: Plan) -> list[tuple[Floats, Floats]]:
     """Returns joints (k,) and attitude (3, 3) of a few instants of a plan, its first one first."""
     rows, turns = plan.joints[plan.trim :], plan.rotation[plan.trim :]
-    moves = np.abs(rows - rows[0]).max(initial=0.0) + np.abs(turns - turns[0]).max(initial=0.0)
+    moves = sum(
+        0.0 if is_constant(values) else np.abs(values - values[0]).max(initial=0.0)
+        for values in (rows, turns)
+    )
     at = np.linspace(0, len(rows) - 1, POSTURES).astype(int) if moves > 1e-6 else [0]
     return [(rows[k], turns[k]) for k in at]
 

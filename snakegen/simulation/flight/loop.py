@@ -158,7 +158,8 @@ class _Run:
         data.ctrl[world.servos] = plan.joints[0]
         data.ctrl[world.gimbals[present]] = gimbals[present]
         mujoco.mj_forward(world.model, data)
-        self.axes = plan.rotation[0].T @ _frame(world, controller, data)
+        self.frame = _frame(world, controller, data)
+        self.axes = plan.rotation[0].T @ self.frame
         self.state = controller.start(gimbals)
         self.trimmed: dict[str, Any] = {}
         if plan.trim:

@@ -94,6 +94,11 @@ class Plan:
     drawn: Callable[[Floats], dict[str, Any]] | None = None
 
 
+def is_constant(rows: Floats) -> bool:
+    """Tells whether rows of a plan are one that stands for all."""
+    return len(rows) > 1 and rows.strides[0] == 0
+
+
 def quintic(s: ArrayLike) -> tuple[Floats, Floats, Floats]:
     """Returns value, slope and curvature of ``10 s³ − 15 s⁴ + 6 s⁵`` on 0…1, held outside."""
     inside = np.clip(np.asarray(s, float), 0.0, 1.0)

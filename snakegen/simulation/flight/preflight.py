@@ -16,7 +16,7 @@ from snakegen.kernels.allocation.mode_blending import DUAL_SIGMA_MIN
 from snakegen.kernels.allocation.underactuated import level_axes, rotor_map
 from snakegen.kernels.control.types import DUAL, VIRTUAL, Command, Measured, Target
 from snakegen.robot.robot import GRAVITY, Robot
-from snakegen.simulation.flight.plan import Plan
+from snakegen.simulation.flight.plan import Plan, is_constant
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.postures import driven_joints, place, turning_rates
 from snakegen.simulation.flight.world import make_world
@@ -30,7 +30,8 @@ def check_references(robot: Robot, plan: Plan) -> None:
     """
     names = driven_joints(robot)
     low, high, _ = robot.limits(names)
-    beyond = np.argwhere((plan.joints < low - 1e-9) | (plan.joints > high + 1e-9))
+    joints = plan.joints[:1] if is_constant(plan.joints) else plan.joints
+    beyond = np.argwhere((joints < low - 1e-9) | (joints > high + 1e-9))
     if len(beyond):
         k, i = beyond[0]
         raise MissionError(
@@ -59,6 +60,8 @@ def _check_rates(robot: Robot, plan: Plan, names: list[str]) -> None:
     Raises:
         MissionError: the fastest turn of the first such joint.
     """
+    if is_constant(plan.joints):
+        return
     most = turning_rates(robot, names)
     turned = np.abs(np.diff(plan.joints, axis=0)) / np.diff(plan.time)[:, None]
     beyond = np.argwhere(turned > most * (1.0 + 1e-6))

@@ -14,7 +14,7 @@ from snakegen.control.controller import Controller
 from snakegen.errors import MissionError
 from snakegen.kernels.control.types import DUAL
 from snakegen.robot.robot import GRAVITY, Robot
-from snakegen.simulation.flight.plan import Plan
+from snakegen.simulation.flight.plan import Plan, is_constant
 from snakegen.simulation.flight.postures import driven_joints, place
 
 SAMPLES = 20  # instants looked at, besides the fastest and the most accelerated
@@ -30,6 +30,8 @@ def check_motion(robot: Robot, controller: Controller, plan: Plan) -> None:
     Raises:
         MissionError: the first such instant, with what it takes and what there is.
     """
+    if all(is_constant(rows) and not np.any(rows[0]) for rows in (plan.acceleration, plan.angular)):
+        return
     turned = _angular_acceleration(plan)
     sizes = [np.linalg.norm(x, axis=1) for x in (plan.acceleration, plan.angular, turned)]
     if max(size.max() for size in sizes) < _STILL:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.base.memory import trim
 from snakegen.base.sample_store import SampleStore
 from snakegen.control.controller import Controller, flight_controller, gain_set
 from snakegen.control.servos import bounded_joints
@@ -141,6 +142,7 @@ class Ready:
         noise = NoiseStream(imperfections, rng, *sizes, rate=rate, hinges=shares, servos=servos)
         told = self.meta | {"seed": seed, "plant": vars(imperfections)}
         blocks = None if keep is None else Blocks(world, plan, self.controller, told, keep)
+        trim()  # what planning took
         windy = bool(np.any(noise.wind)) or (plan.wind is not None and bool(np.any(plan.wind)))
         recorder = Recorder(
             world, plan, self.controller, SampleStore(folder), told, windy=windy, margins=margins
@@ -163,6 +165,7 @@ class Ready:
             watch=watch,
         )
         recorder.finish(flown)
+        trim()
         window = plan.window or (0.0, float(plan.time[-1]))
         end = min(window[1], float(plan.time[recorder.done - 1]))
         meta = told | {

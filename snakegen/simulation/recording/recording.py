@@ -245,7 +245,14 @@ class Recording:
         if near is at or np.array_equal(near, at):
             return c.values if part is None else c.values[part]
         index = np.searchsorted(own, at + 1e-9, side="right") - 1
-        return c.values[np.clip(index, 0, len(own) - 1)]
+        index = np.clip(index, 0, len(own) - 1)
+        if self.store is None:
+            return c.values[index]
+        out = np.empty((len(index), c.values.shape[1]))
+        for j in range(out.shape[1]):  # column by column, as they lie in the store
+            out[:, j] = c.values[index, j]
+            self.release()
+        return out
 
     def judged(self, metrics: Mapping[str, Any], verdict: Verdict) -> Recording:
         """Returns the same run with its metrics and verdict."""

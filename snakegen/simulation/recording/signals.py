@@ -10,7 +10,7 @@ from snakegen.base.geometry import Floats
 from snakegen.errors import LogError
 from snakegen.simulation.recording.recording import Recording
 
-PIECE = 65_536  # rows worked out together
+PIECE = 16_384  # rows worked out together
 AT_LIMIT = 1e-3  # share of the thrust range that counts as being at its end
 MAY_BE_UNDEFINED = frozenset(
     {

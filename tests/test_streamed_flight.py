@@ -1,0 +1,195 @@
+"""Long flights in bounded memory: noise, rows, samples, metrics and worst places come in pieces.
+
+Each piece is held against the whole, bit for bit where nothing is summed.
+"""
+
+import os
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from snakegen.base.sample_store import SampleStore
+from snakegen.base.window_array import WindowArray
+from snakegen.control.controller import flight_controller
+from snakegen.errors import SnakegenError
+from snakegen.log import plots, read, write
+from snakegen.log.skeleton import angles_of, rotations_from_xyzw
+from snakegen.robot.robot import load
+from snakegen.simulation.flight.loop import Flown, fly
+from snakegen.simulation.flight.plan import Failure
+from snakegen.simulation.flight.plant import Imperfections, NoiseStream, draw
+from snakegen.simulation.flight.run import prepare
+from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.simulation.recording import blocks, signals
+from snakegen.simulation.recording.metrics import metrics
+from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.worst_place import judged_verdict
+
+
+def test_noise_drawn_in_pieces_is_that_drawn_at_once() -> None:
+    what, sizes = Imperfections(turbulence=0.3, wind_speed=1.0), (20_001, 8, 17)
+    more = {"hinges": [1.0, 0.5], "servos": 3}
+    first, second = np.random.default_rng(5), np.random.default_rng(5)
+    whole, stream = draw(what, first, *sizes, **more), NoiseStream(what, second, *sizes, **more)
+    assert first.random() == second.random(), "what is drawn later stays the same"
+    ends = [0, 1, 200, 201, 17_000, 20_001]
+    parts = [stream.rows(a, b) for a, b in pairwise(ends)]
+    for name in ("attitude", "position", "velocity", "gyro", "wind", "hinges"):
+        joined = np.concatenate([getattr(p, name) for p in parts])
+        assert joined.tobytes() == np.ascontiguousarray(getattr(whole, name)).tobytes(), name
+        assert np.ptp(joined) > 0.0
+    for name in ("thrust_factor", "angles", "torques"):
+        assert np.array_equal(getattr(stream, name), getattr(whole, name))
+    with pytest.raises(ValueError, match="comes next"):
+        stream.rows(0, 10)
+
+
+@pytest.fixture(scope="module", params=["gust", "switch", "fail"])
+def pair(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
+    """A flight with wind, with a change of mode, with a lost rotor: by blocks and at once."""
+    options = {
+        "gust": {"duration": 3.2, "speed": 3.0, "trim": 0.0},
+        "switch": {"duration": 6.0},
+        "fail": {"lost": "apparatus2", "at": 1.2, "duration": 2.0},
+    }[request.param]
+    robot = load("dragon4")
+    ready = prepare(robot, request.param, options=options)
+    found = []
+    with pytest.MonkeyPatch.context() as patch:
+        for seconds in (0.7, 1e3):
+            patch.setattr(blocks, "BLOCK", seconds)
+            rng, folder = np.random.default_rng(3), tmp_path_factory.mktemp("samples")
+            found.append(ready.flown(ready.world(), ready.imperfections, rng, 3, folder=folder))
+    return found
+
+
+def test_a_flight_recorded_by_blocks_is_the_one_recorded_at_once(pair: list[Recording]) -> None:
+    parts, whole = pair
+    assert parts.channels.keys() == whole.channels.keys()
+    for name, c in parts.channels.items():
+        other = whole.channels[name]
+        np.testing.assert_allclose(c.values, other.values, rtol=1e-13, atol=1e-15, err_msg=name)
+        assert c.labels == other.labels
+        assert np.array_equal(parts.times(name), whole.times(name))
+    assert parts.events == whole.events
+    assert parts.metrics.keys() == whole.metrics.keys()
+    for check, other in zip(parts.verdict.checks, whole.verdict.checks, strict=True):
+        assert (check.metric, check.passed) == (other.metric, other.passed)
+
+
+def test_metrics_and_worst_places_do_not_depend_on_the_pieces(
+    pair: list[Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = pair[1]
+    asked = run.verdict.thresholds()
+    at_once = metrics(run)
+    monkeypatch.setattr(signals, "PIECE", 37)
+    found = metrics(run)
+    assert found.keys() == at_once.keys()
+    for key, value in at_once.items():
+        assert found[key] == (None if value is None else pytest.approx(value, rel=1e-12)), key
+    again = judged_verdict(run, at_once | {"completed": True}, asked)
+    monkeypatch.setattr(signals, "PIECE", 10**6)
+    for one, other in zip(
+        again.checks, judged_verdict(run, at_once | {"completed": True}, asked).checks, strict=True
+    ):
+        assert one == other
+
+
+def test_a_log_is_the_same_from_a_store_and_from_memory(
+    pair: list[Recording], tmp_path: Path
+) -> None:
+    """Samples, and curves that are worked out for the plots, attitudes over more than a turn."""
+    run = pair[0]
+    inside = replace(run, store=None)
+    for one, other in zip(plots.series(run), plots.series(inside), strict=True):
+        assert np.array_equal(one.values, other.values, equal_nan=True), one.name
+    first, second = (read(write(r, tmp_path / f"{i}.rrd")) for i, r in enumerate((run, inside)))
+    for name, c in run.channels.items():
+        assert np.array_equal(first.channels[name].values, c.values, equal_nan=True)
+        assert np.array_equal(second.channels[name].values, c.values, equal_nan=True)
+
+
+def test_turns_are_unwrapped_across_pieces(
+    pair: list[Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    time = pair[0].time
+    yaw = np.linspace(0.0, 14.0, len(time))
+    attitude = np.column_stack([0 * yaw, 0 * yaw, np.sin(yaw / 2), np.cos(yaw / 2)])
+    like = pair[0].channels["attitude"]
+    turning = replace(pair[0], channels={"attitude": replace(like, values=attitude)})
+    monkeypatch.setattr(signals, "PIECE", 50)
+    found = next(s for s in plots.series(turning) if s.name == "attitude").values
+    np.testing.assert_allclose(found[:, 2], yaw, atol=1e-9)
+    np.testing.assert_allclose(found, angles_of(rotations_from_xyzw(attitude)), atol=1e-9)
+
+
+def test_rows_that_were_taken_are_given_back() -> None:
+    """The loop keeps what its watcher has not taken; delays and failures reach across looks."""
+    robot = load("dragon4")
+    world, what = make_world(robot), Imperfections(delay=0.02)
+    plan = replace(hover(robot, 200.0, duration=3.0), failures=(Failure(1.99, 2.2, (2,)),))
+    sizes = (len(plan.time), len(world.rotors), len(world.qpos))
+    taken: list[Flown] = []
+
+    def watch(ticks: int, rows) -> int:
+        first = sum(part.ticks for part in taken)
+        taken.append(rows(first, ticks))
+        return ticks
+
+    def flight(noise, **more) -> Flown:
+        return fly(world, plan, flight_controller(robot), noise, what, **more)
+
+    whole = flight(draw(what, np.random.default_rng(0), *sizes))
+    copies: list[np.ndarray] = []
+
+    def copying(ticks: int, rows) -> int:
+        done = watch(ticks, rows)
+        copies.append(np.hstack([taken[-1].qpos, taken[-1].command]))
+        return done
+
+    rest = flight(NoiseStream(what, np.random.default_rng(0), *sizes), watch=copying)
+    assert rest.ticks == 0 and rest.first == whole.ticks and whole.first == 0
+    assert np.concatenate(copies).tobytes() == np.hstack([whole.qpos, whole.command]).tobytes()
+    assert rest.events == whole.events
+
+
+def test_a_window_holds_the_memory_of_its_rows() -> None:
+    array = WindowArray((1_000_000, 8))  # 64 MB
+
+    def resident() -> int:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    before = resident()
+    for first in range(0, 1_000_000, 10_000):
+        array.values[first : first + 10_000] = first
+        array.drop(first)
+    assert resident() - before < 8e6
+    assert np.all(array.values[-10_000:] == 990_000)
+
+
+def test_a_store_keeps_columns_and_leaves_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, rng = SampleStore(tmp_path), np.random.default_rng(0)
+    values, more = rng.normal(size=(1000, 3)), rng.normal(size=(50, 2))
+    columns = store.reserve(1000, 3)
+    for first in (0, 400):
+        store.put(columns, first, values[first : first + 600])
+    early = store.array(columns, 700)
+    other = store.reserve(60, 2)
+    store.put(other, 0, more)
+    store.release()
+    assert np.array_equal(early, values[:700]) and np.array_equal(store.array(other, 50), more)
+    assert not list(tmp_path.iterdir())
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(SnakegenError, match=r"has no room for 8\.\d+ MB of samples \(No space"):
+        store.reserve(1_000_000, 1)
