@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from snakegen.robot.robot import load
+from snakegen.spec.loading import load_spec
 
 REFUSED = [
     ("build dragn4", 1, "no preset and no file 'dragn4'. Did you mean 'dragon4'"),
@@ -141,12 +142,15 @@ def test_what_memory_holds_is_not_refused(monkeypatch: pytest.MonkeyPatch) -> No
     from snakegen.simulation.flight.memory_check import refuse_too_long
 
     monkeypatch.setattr(memory, "available", lambda: 4_000_000_000)
-    robot = load("dragon4")  # 6 + 6 joints + 8 gimbals, 200 Hz: 1.6 MB a second, half of 4 GB
-    refuse_too_long(robot, 1249.0)
-    for at_once, most in ((1, 1125), (2, 562)):
-        with pytest.raises(AnalysisError, match=f"duration of {most} s would fit"):
-            refuse_too_long(robot, 1251.0 / at_once, at_once)
-        refuse_too_long(robot, most, at_once)
+    robot = load("dragon4")  # its plan alone, 200 Hz: 0.24 MB a second, half of 4 GB
+    # with elastic links all rows of 6 + 6 joints + 8 gimbals: 1.6 MB a second
+    elastic = load(load_spec("dragon4", overrides=["plant.link_stiffness=300"]))
+    for body, limit, fit in ((robot, 8333.3, (7500, 3750)), (elastic, 1250.0, (1125, 562))):
+        refuse_too_long(body, limit - 1.0)
+        for at_once, most in zip((1, 2), fit, strict=True):
+            with pytest.raises(AnalysisError, match=f"duration of {most} s would fit"):
+                refuse_too_long(body, (limit + 1.0) / at_once, at_once)
+            refuse_too_long(body, most, at_once)
 
 
 def test_a_foreign_urdf_is_said_to_be_an_arm(run) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 from snakegen.base import yaml_file
 from snakegen.errors import DescriptionError
 from snakegen.spec.loading import load_spec, templates_folder
+from snakegen.spec.xacro_speed import one_step_replacement
 
 MAX_BYTES = 100_000_000  # some 15,000 links
 _BANNER = re.compile(r"(?:<!-- (?:=+|\|.*?\|) -->\n){4}")
@@ -34,7 +35,8 @@ def expand(spec_path: Path, mesh_prefix: str = "meshes/") -> str:
     template = templates_folder() / "snake.urdf.xacro"
     mappings = {"spec": str(spec_path.resolve()), "mesh_prefix": mesh_prefix}
     try:
-        document = xacro.process_file(str(template), mappings=mappings)
+        with one_step_replacement():
+            document = xacro.process_file(str(template), mappings=mappings)
     except Exception as error:
         reason = str(error)
         importlib.reload(xacro)  # a failure leaves xacro's module state half-way
