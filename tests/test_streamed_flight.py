@@ -23,7 +23,7 @@ from snakegen.simulation.flight.plan import Failure
 from snakegen.simulation.flight.plant import Imperfections, NoiseStream, draw
 from snakegen.simulation.flight.run import prepare
 from snakegen.simulation.flight.world import make_world
-from snakegen.simulation.missions.flight.hover import plan as hover
+from snakegen.simulation.missions import planned
 from snakegen.simulation.recording import blocks, signals
 from snakegen.simulation.recording.metrics import metrics
 from snakegen.simulation.recording.recording import Recording
@@ -132,7 +132,9 @@ def test_rows_that_were_taken_are_given_back() -> None:
     """The loop keeps what its watcher has not taken; delays and failures reach across looks."""
     robot = load("dragon4")
     world, what = make_world(robot), Imperfections(delay=0.02)
-    plan = replace(hover(robot, 200.0, duration=3.0), failures=(Failure(1.99, 2.2, (2,)),))
+    plan = replace(
+        planned("hover", robot, 200.0, duration=3.0), failures=(Failure(1.99, 2.2, (2,)),)
+    )
     sizes = (len(plan.time), len(world.rotors), len(world.qpos))
     taken: list[Flown] = []
 

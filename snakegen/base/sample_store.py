@@ -8,6 +8,7 @@ goes when the process does, however that ends.
 import mmap
 import os
 import tempfile
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,7 @@ class SampleStore:
             self._file = tempfile.TemporaryFile(dir=self.folder, buffering=0)  # noqa: SIM115
         except OSError as error:
             raise self._refusal(error, 0) from None
+        weakref.finalize(self, self._file.close)
 
     def reserve(self, rows: int, width: int) -> Columns:
         """Returns space for `width` columns of `rows` numbers.

@@ -184,8 +184,8 @@ def ticks(duration: float, rate: float) -> Floats:
 def holding(time: Floats, joints: ArrayLike, start: Floats, cog: ArrayLike, **more: Any) -> Plan:
     """Returns a plan that holds one pose and posture; `more` are further fields of `Plan`.
 
-    The attitude held is that of `start`; `joints` are (k,), or (T, k) where they move. What stays is
-    one row that stands for all.
+    The attitude held is that of `start`; `joints` are (k,), or (T, k) where they move. What stays
+    is one row that stands for all.
     """
     count, still = len(time), np.broadcast_to(0.0, (len(time), 3))
     rotation = np.broadcast_to(rotation_from_xyzw(start[3:7]), (count, 3, 3))
