@@ -79,9 +79,8 @@ def test_joints_and_attitude_against_central_differences(robots, name, mode, kin
 
     close(found.by("joints"), central(at_joints, len(q) - 7))
     close(found.by("attitude"), central(at_attitude, 3))
-    np.testing.assert_array_equal(
-        snakegen.margin_gradient(robot, q, kind, mode, "attitude"), found.by("attitude")
-    )
+    again = snakegen.margin_gradient(robot, q, kind, mode, "attitude")  # by then compiled
+    np.testing.assert_allclose(again, found.by("attitude"), rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize(
