@@ -72,6 +72,9 @@ def test_torque_terms(robot: Robot) -> None:
         gravity = rng.normal(size=3)
         given = (tree, armature(robot), segments(robot), gravity, base, angles, *state)
         same(torque_terms.torque_terms(*given), torque_kernel.torque_terms(*given))
+        stack = [np.stack([x, 0.5 * x]) for x in (angles, *state[:2])]
+        given = (*given[:4], np.stack([base, base]), *stack, state[2])
+        same(torque_terms.torque_terms(*given), torque_kernel.torque_terms_batch(*given))
 
 
 def test_allocation_maps_and_gimbals(robot: Robot) -> None:

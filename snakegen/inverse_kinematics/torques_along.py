@@ -15,7 +15,7 @@ from snakegen.robot.robot import Robot
 from snakegen.statics import torque_terms as plain
 from snakegen.statics.joint_torques import DOWN, Wrenches, armature, finite, link_loads, segments
 
-FEW = 400  # instants of 1 ms each, before a kernel that takes 10 s to compile
+FEW = 20_000  # instants, of some 30 µs each, before a kernel that takes 10 s to compile
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +82,8 @@ def torques_along(
     base = np.repeat(robot.base_pose(q)[0][None], m, axis=0)
     g = finite(gravity, (3,), "gravity")
     same, none = (robot.tree, armature(robot), segments(robot), g), np.zeros((n + 1, 6))
-    if m <= FEW:
-        states = zip(base, full, v, a, strict=True)
-        rows = np.array([plain.torque_terms(*same, *s, none) for s in states])
-    else:
-        rows = torque_terms.torque_terms_batch(*same, base, full, v, a, none)
+    law = plain.torque_terms if m <= FEW else torque_terms.torque_terms_batch
+    rows = law(*same, base, full, v, a, none)
     loads = link_loads(robot, wrenches)
     if len(loads.body):
         still: Any = np.zeros((m, 6 + n))

@@ -17,24 +17,29 @@ def forward(
 
     Args:
         tree: the robot's n bodies.
-        base_rotation: (3, 3) attitude of body 0, columns its axes in the world.
-        base_position: (3,) m, origin of body 0.
-        angles: (n-1,) rad (m where the joint slides), body 1 first.
+        base_rotation: (…, 3, 3) attitude of body 0, columns its axes in the world.
+        base_position: (…, 3) m, origin of body 0.
+        angles: (…, n-1) rad (m where the joint slides), body 1 first.
 
     Returns:
-        rotation (n, 3, 3) and position (n, 3) [m] of the body frames.
+        rotation (…, n, 3, 3) and position (…, n, 3) [m] of the body frames.
     """
     n, k = len(tree.parent), skew(tree.axis[1:])
-    angle = np.where(tree.prismatic[1:], 0.0, angles)[:, None, None]
+    angle = np.where(tree.prismatic[1:], 0.0, angles)[..., None, None]
     turned = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)  # Rodrigues
     turned = tree.rotation[1:] @ turned
-    slid = tree.rotation[1:] @ (tree.axis[1:] * (tree.prismatic[1:] * angles)[:, None])[:, :, None]
-    moved = tree.translation[1:] + slid[:, :, 0]
-    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
-    rotation[0], position[0] = base_rotation, base_position
+    slid = tree.axis[1:] * (tree.prismatic[1:] * angles)[..., None]
+    moved = tree.translation[1:] + np.einsum("ijk,...ik->...ij", tree.rotation[1:], slid)
+    rotation, position = (
+        np.empty((*angles.shape[:-1], n, 3, 3)),
+        np.empty((*angles.shape[:-1], n, 3)),
+    )
+    rotation[..., 0, :, :], position[..., 0, :] = base_rotation, base_position
     for i, j in enumerate(tree.parent[1:], 1):
-        rotation[i] = rotation[j] @ turned[i - 1]
-        position[i] = position[j] + rotation[j] @ moved[i - 1]
+        above = rotation[..., j, :, :]
+        rotation[..., i, :, :] = above @ turned[..., i - 1, :, :]
+        step = (above @ moved[..., i - 1, :, None])[..., 0]
+        position[..., i, :] = position[..., j, :] + step
     return rotation, position
 
 
