@@ -36,7 +36,7 @@ def demo(out: str) -> int:
     built = _run("build", _ROBOT, "-o", folder).wait()
     if built:
         return built
-    note("analysing and flying it; the first run compiles kernels, which takes a minute or two")
+    note("analysing and flying it; the first flight compiles its kernels, about a minute")
     # the flight runs beside the analysis: each has kernels of its own to compile
     flight = _run("analyze", "flight", urdf, "--mission", _MISSION, "-o", log, capture=True)
     try:

@@ -55,13 +55,12 @@ class Source:
         )
 
     def machine(self) -> Any:
-        """Returns the Robot; says so if kernels must be compiled."""
-        from snakegen.kernels.core.jit import cold
+        """Returns the Robot; shows from then on which kernels are compiled."""
+        from snakegen.kernels.core.compile_progress import show_compilation
         from snakegen.robot.modules import from_urdf
         from snakegen.robot.robot import load
 
-        if sys.stderr.isatty() and cold():
-            note("compiling kernels; the first run takes a minute or two, later ones find them")
+        show_compilation()
         if self.is_xml:
             if self.links is not None or self.apparatus is not None or self.overrides:
                 raise SpecError("--links, --apparatus and --set change a spec, not a URDF.")
