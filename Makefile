@@ -13,7 +13,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c "$(NEW_ENOUGH)" 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test processors check format generated docs bench studies stress robots speed fuzz wheel clean
+.PHONY: help demo test interpreted processors check format generated docs bench studies stress robots speed fuzz wheel clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*##' $(firstword $(MAKEFILE_LIST)) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -51,7 +51,8 @@ $(VENV)/docs.stamp: $(VENV)/dev.stamp
 test: $(VENV)/dev.stamp ## run the tests
 	@mkdir -p $(OUT); echo "compiling what kernels are not in the cache" >&2
 	@{ $(BIN)/snakegen analyze flight dragon4 --mission push --option slow=1 -o $(OUT)/kernels.rrd & \
-		for r in dragon4 arm6 screw4; do $(BIN)/snakegen analyze $$r --json; done; wait; } > $(OUT)/kernels.txt 2>&1 || true
+		$(BIN)/snakegen analyze sweep dragon4 --samples 50 -o $(OUT)/kernels.parquet; \
+		for r in arm6 screw4; do $(BIN)/snakegen analyze $$r --json; done; wait; } > $(OUT)/kernels.txt 2>&1 || true
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
 
 # What is the same on every processor (docs/architecture.md), tried with the BLAS kernels of an old one
@@ -60,7 +61,14 @@ NUMERICAL := tests/test_generated.py tests/test_rounding.py tests/test_rank_tabl
 	tests/test_control_poles.py tests/test_statics_law.py tests/test_reach.py \
 	tests/test_wrench_margin.py tests/test_wrench_margin_vectored.py
 
-processors: $(VENV)/dev.stamp ## run numerical tests as two other processors would
+# Kernels as the Python that they are: an index beyond its array, which compiled code reads past.
+INTERPRETED := tests/test_plain_twins.py tests/test_margin_kernels.py tests/test_wrench_map.py \
+	tests/test_chain.py
+
+interpreted: $(VENV)/dev.stamp ## run the kernels' tests without compiling
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n 2 --dist loadgroup $(INTERPRETED)
+
+processors: interpreted ## run numerical tests as two other processors would
 	OPENBLAS_CORETYPE=Nehalem NPY_DISABLE_CPU_FEATURES="$(NEWER)" \
 		$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not slow" $(NUMERICAL)
 	NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \

@@ -1,5 +1,6 @@
 """The kernels under the margins, one by one, against NumPy, SciPy and each other."""
 
+import os
 from itertools import combinations
 
 import numba
@@ -114,6 +115,7 @@ def test_maps_straight_from_poses_are_those_of_one_posture() -> None:
         assert w == pytest.approx(one.hover_wrench, rel=1e-12)
 
 
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
 def test_a_bare_kernel_that_allocates_is_refused() -> None:
     with pytest.raises(numba.core.errors.NumbaError):
         allocates(np.ones(3))

@@ -106,6 +106,7 @@ def flight(
     from snakegen.log import Journal, view, write
     from snakegen.simulation.flight.memory_check import refuse_too_long
     from snakegen.simulation.flight.run import run
+    from snakegen.simulation.recording.compile_ahead import compile_ahead
 
     check_ending("-o", out, ".rrd")
     check_ending("--report", page, ".html", ".htm")
@@ -135,6 +136,7 @@ def flight(
     how: dict[str, Any] = {"gains": gains, "allocator": allocator, "ideal": ideal}
     how |= {"options": chosen, "seed": seed}
     check_writable(path)
+    compile_ahead(machine)
     if trials is not None:
         many: dict[str, Any] = {"progress": bar, "meshes": meshes}
         with exclusive(path):

@@ -99,7 +99,7 @@ def jit(function: F | None = None, /, **options: Any) -> Any:
     return dispatcher
 
 
-def cold() -> bool:
-    """Tells whether the flight and margin kernels have yet to be compiled for this version."""
-    folders = [cache_folder(name) for name in ("control.control_tick", "margins.zonotope")]
+def cold(*modules: str) -> bool:
+    """Tells whether kernel modules, by default those of flights, have yet to be compiled."""
+    folders = [cache_folder(name) for name in modules or ("flight.flight", "margins.vectored")]
     return any(f is None or not any(f.rglob("*.nbc")) for f in folders)

@@ -11,16 +11,17 @@ from functools import reduce
 from math import prod
 from typing import Any, cast
 
+import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
+from numba.core import cgutils, config
 from numba.extending import intrinsic
 
 from snakegen.kernels.core.types import Floats
 
 
 @intrinsic  # type: ignore[untyped-decorator]
-def borrowed(_typing: Any, value: Any) -> Any:
+def _borrowed(_typing: Any, value: Any) -> Any:
     """Returns `value`, an array or a (named) tuple of them, with arrays that own nothing.
 
     For arguments of a kernel that is called from Python, which keeps them alive meanwhile; not
@@ -68,10 +69,18 @@ def _scratch(_typing: Any, shape: Any) -> Any:
     return kind(shape), code
 
 
+# With NUMBA_DISABLE_JIT kernels run as the Python that they are, on arrays of the usual kind.
+_interpreted = bool(cast(Any, config).DISABLE_JIT)
+
+# Returns its argument with arrays that own nothing: see `_borrowed`.
+borrowed: Callable[[Any], Any] = (lambda value: value) if _interpreted else cast(Any, _borrowed)
+
 # Returns an array of floats on the stack for the length of the call, contents undefined; its shape
 # is an int or a tuple of ints. A kernel must neither return it nor, where its size is known only at
 # run time, make it in a loop: the stack would grow with every round.
-scratch: Callable[[int | tuple[int, ...]], Floats] = cast(Any, _scratch)
+scratch: Callable[[int | tuple[int, ...]], Floats] = (
+    np.empty if _interpreted else cast(Any, _scratch)
+)
 
 
 def _stripped(context: Any, builder: Any, kind: Any, value: Any) -> Any:

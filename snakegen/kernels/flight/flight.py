@@ -222,9 +222,9 @@ def fly_ticks(
         for i in range(plant.substeps):
             thrusts_into(sim, wires, thrust)
             spin_torques(sim, wires, plant, memory, thrust)
-            call_two_pointers(sim.begin, sim.model, sim.data)  # type: ignore[call-arg]
+            call_two_pointers(sim.begin, sim.model, sim.data)
             generalize(sim, wires)
-            call_two_pointers(sim.finish, sim.model, sim.data)  # type: ignore[call-arg]
+            call_two_pointers(sim.finish, sim.model, sim.data)
             if (k * plant.substeps + i + 1) % plant.imu == 0:
                 read_imu(sim, memory)
         if not fastest(sim.qvel) < LOST:
