@@ -11,6 +11,8 @@ from snakegen.design_search.report import UNITS, StudyResult, words
 from snakegen.picture.style import BLUE, GREY, INK, ORANGE, PALE, RED, save
 from snakegen.spec.loading import load_spec
 
+CROWDED = 0.02  # of the axes: labels nearer than this would overlap
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -45,8 +47,12 @@ def _scatter(ax: Any, result: StudyResult, scores: list[Score]) -> None:
     )  # fmt: skip
     if len(names) > 2:
         ax.figure.colorbar(dots, ax=ax, label=_label(names[2]), fraction=0.05)
+    last = np.full(2, -np.inf)
+    span = np.maximum([np.ptp([s.values[n] for s in fine]) for n in (first, second)], 1e-9)
     for d, a, b in zip(result.front, x, y, strict=True):
-        ax.annotate(d.label, (a, b), (5, 5), textcoords="offset points", weight="bold")
+        if np.abs((np.array([a, b]) - last) / span).max() > CROWDED:
+            last = np.array([a, b])
+            ax.annotate(d.label, (a, b), (5, 5), textcoords="offset points", weight="bold")
     if result.given is not None:
         a, b = result.given.values[first], result.given.values[second]
         ax.scatter([a], [b], s=90, marker="*", color=ORANGE, zorder=4, edgecolor=INK, linewidth=0.6,

@@ -1,6 +1,6 @@
 """What a study found, as a table, in words and as plain data."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from snakegen.design_search.bound import Bound
-from snakegen.design_search.evaluate import sign
+from snakegen.design_search.evaluate import Score, sign
 from snakegen.design_search.front import FRESH, Design
+from snakegen.design_search.problem import Problem
 from snakegen.design_search.study import Study
 
 UNITS = {"Nm": "N·m", "N": "N", "kg": "kg", "m": "m", "W": "W", "min": "min"}
@@ -28,6 +29,8 @@ class StudyResult:
         scored: how many designs were scored.
         seconds: that the search took.
         complete: whether the search ended by itself.
+        by_choice: of each variable that is a choice, by its value: the best first objective of
+            the designs of the search that meet all constraints, None where none does.
     """
 
     study: Study
@@ -38,6 +41,7 @@ class StudyResult:
     scored: int
     seconds: float
     complete: bool
+    by_choice: dict[str, dict[str, float | None]]
 
     @property
     def chosen(self) -> Design:
@@ -60,6 +64,7 @@ class StudyResult:
             "designs_scored": self.scored,
             "search_s": self.seconds,
             "complete": self.complete,
+            "best_by_choice": self.by_choice,
             "sentence": self.sentence(),
             "trades": trades(self.study, self.front),
         }
@@ -76,6 +81,13 @@ class StudyResult:
             if given > 0.0 and sign(name) > 0.0:
                 text += f", {best.values[name] / given:.2f} times as much"
         text += "."
+        for variable, rows in self.by_choice.items():
+            fit = [f"{k} reaches {figure(name, v)}" for k, v in rows.items() if v is not None]
+            none = [k for k, v in rows.items() if v is None]
+            text += f" By {variable}: {', '.join(fit)}"
+            text += (
+                f"; no design of the search with {', '.join(none)} is feasible." if none else "."
+            )
         if self.bound is not None:
             b = self.bound
             text += (
@@ -84,6 +96,22 @@ class StudyResult:
                 f"any design in these ranges: proved within {100.0 * b.gap:.1f} % of the best."
             )
         return text
+
+
+def best_by_choice(
+    problem: Problem, known: Mapping[tuple[float, ...], Score]
+) -> dict[str, dict[str, float | None]]:
+    """Returns, by variable and value of a choice, the best first objective that was found."""
+    name = next(iter(problem.study.objectives))
+    out: dict[str, dict[str, float | None]] = {}
+    for i in np.flatnonzero(problem.whole):
+        v = problem.study.variables[problem.names[i]]
+        values = v.choices or [part.name for part in v.catalogue or []]
+        rows = out[problem.names[i]] = dict[str, float | None]()
+        for k, value in enumerate(values):
+            fit = [s.values[name] for x, s in known.items() if round(x[i]) == k and s.feasible]
+            rows[str(value)] = max(fit, key=lambda f: sign(name) * f) if fit else None
+    return out
 
 
 def words(name: str) -> str:

@@ -15,7 +15,7 @@ from snakegen.design_search.executor import Scorer, workers
 from snakegen.design_search.front import given_design, shown_designs
 from snakegen.design_search.front_picture import draw_front
 from snakegen.design_search.problem import Problem, prepare
-from snakegen.design_search.report import StudyResult
+from snakegen.design_search.report import StudyResult, best_by_choice
 from snakegen.design_search.search import search
 from snakegen.design_search.study import read_study
 from snakegen.spec.loading import load_spec, save
@@ -88,8 +88,9 @@ def run_study(
         last = time.monotonic() + (600.0 if seconds is None else 0.0)
         bound = _proof(problem, found.front[0], max(last, begun + (seconds or 0.0)), tell)
     result = StudyResult(
-        study, seed, tuple(front), given, bound, found.scored, took, found.complete
-    )
+        study, seed, tuple(front), given, bound, found.scored, took, found.complete,
+        best_by_choice(problem, scorer.known),
+    )  # fmt: skip
     _write(result, scorer, folder)
     return result
 
