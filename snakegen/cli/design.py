@@ -112,13 +112,19 @@ def _print(result: Any, data: dict[str, Any], folder: Path) -> None:
     for line in data["trades"]:
         click.echo(line)
     for flight in data.get("flights", []):
-        click.echo(f"{flight['design']}, {flight['mission']}: {flight['verdict']}")
+        agrees = "" if flight["agrees"] else "; DISAGREES with its margin"
+        click.echo(f"{flight['design']}, {flight['mission']}: {flight['verdict']}{agrees}")
     state = "" if result.complete else " (ended by --minutes)"
     click.echo(
         f"{result.scored} designs scored in {result.seconds:.0f} s{state}; {folder}/front.png, "
         f"{folder}/{result.chosen.label}.spec.yaml (chosen)"
     )
     click.echo(result.sentence())
+
+
+def _promised(facts: dict[str, Any]) -> bool:
+    """Tells whether a mission's own prediction says that it is flown; True where it makes none."""
+    return float(facts.get("predicted_wrench_margin", 0.0)) >= 0.0
 
 
 def _fly(result: Any, folder: Path, seed: int) -> list[dict[str, Any]]:
@@ -149,7 +155,7 @@ def _fly(result: Any, folder: Path, seed: int) -> list[dict[str, Any]]:
                 row
                 | {
                     "passed": passed,
-                    "agrees": passed or mission == "fail",
+                    "agrees": passed == _promised(recording.meta.get("facts", {})),
                     "verdict": judged.summary() if judged else "none",
                     "metrics": recording.metrics,
                 }

@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 
 from snakegen.base.geometry import Floats
-from snakegen.design_search.evaluate import SEARCHED, option
+from snakegen.design_search.evaluate import SEARCHED, evaluate, option
 from snakegen.design_search.posture_margins import PlacedDesign, certify, place_design
 from snakegen.design_search.problem import Problem
 from snakegen.design_search.study import MARGINS, StudyError
@@ -32,7 +32,7 @@ class Bound:
 
     Attributes:
         objective: of which.
-        best: the largest value found, and
+        best: the largest value found of a design that meets the constraints, and
         design: (d,) where.
         upper: no design of the box has more.
         boxes: that were looked at.
@@ -130,7 +130,7 @@ def prove(
     best, twists = centre(start)
     design = start
     value, own = centre(0.5 * (problem.low + problem.high))
-    if value > best:
+    if value > best and evaluate(problem, 0.5 * (problem.low + problem.high)).feasible:
         best, design = value, 0.5 * (problem.low + problem.high)
     family = [own, twists]
     first = above(problem.low, problem.high, family)
@@ -148,7 +148,7 @@ def prove(
             (b if side == 0 else a)[k] = 0.5 * (low[k] + high[k])
             value, own = centre(0.5 * (a + b))
             boxes += 1
-            if value > best:
+            if value > best and evaluate(problem, 0.5 * (a + b)).feasible:
                 best, design = value, 0.5 * (a + b)
             mine = [own, family[0]]
             bound = min(above(a, b, mine), upper)

@@ -4,6 +4,7 @@ import json
 import os
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from snakegen.spec.loading import load_spec, save
 
 JOURNAL, FRONT, PICTURE = "journal.jsonl", "front.json", "front.png"
 SEARCHING = 0.5  # of the minutes, where a proof is asked for too
+PROVING = 600.0  # s at most, where no minutes are given
 
 Tell = Callable[[str], None]
 Step = Callable[[int, int], None]
@@ -78,15 +80,16 @@ def run_study(
         scorer.begin(seed)
         found = search(scorer, seed)
         step(total, total)
-        took = time.monotonic() - begun
-        tell(f"{study.name}: {found.scored} designs scored; certifying the front")
+        took, bound = time.monotonic() - begun, None
+        if proving:
+            tell(f"{study.name}: {found.scored} designs scored; proving how good any can get")
+            last = time.monotonic() + (PROVING if seconds is None else 0.0)
+            bound = _proof(problem, found.front[0], max(last, begun + (seconds or 0.0)), tell)
+            if bound.design not in found.front:  # found on the way
+                found = replace(found, front=(bound.design, *found.front))
+        tell(f"{study.name}: certifying the front")
         front = shown_designs(problem, found, scorer.final)
     given = given_design(problem, path.parent)
-    bound = None
-    if proving:
-        tell(f"{study.name}: proving how good the first objective can get")
-        last = time.monotonic() + (600.0 if seconds is None else 0.0)
-        bound = _proof(problem, found.front[0], max(last, begun + (seconds or 0.0)), tell)
     result = StudyResult(
         study, seed, tuple(front), given, bound, found.scored, took, found.complete,
         best_by_choice(problem, scorer.known),

@@ -22,8 +22,8 @@ INFEASIBLE = 1e3  # added to the scalar of a design that violates a constraint
 PLAIN_SUM = 0.02  # of the objectives, so that ties are settled by the others
 POPULATION = 6  # designs a variable
 KEPT = 40  # designs for the certifying postures, or a front if it has more
-CLIMBS = 12  # steps along the derivatives
-FIRST_STEP = 0.08  # of the ranges
+POLLED = 0.35  # of a trade's designs, for its last steps
+FIRST_STEP, LAST_STEP = 0.08, 1e-3  # of the ranges
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def _one_trade(
         ],
         integrality=problem.whole,
         init=np.clip(start, problem.low, problem.high),
-        maxiter=max(1, budget // size - 2),
+        maxiter=max(1, int((1.0 - POLLED) * budget) // size - 2),
         tol=0.0,
         polish=False,
         updating="deferred",
@@ -119,7 +119,7 @@ def _one_trade(
         rng=rng,
     )
     best = np.where(problem.whole, np.round(result.x), result.x)
-    _climb(scorer, best, names, weights, scalar)
+    _climb(scorer, best, names, weights, scalar, int(POLLED * budget))
 
 
 def _scalar(scorer: Scorer, names: list[str], weights: Floats) -> Callable[[Score], float]:
@@ -147,23 +147,29 @@ def _climb(
     names: list[str],
     weights: Floats,
     scalar: Callable[[Score], float],
+    budget: int,
 ) -> None:
-    """Steps along the derivatives of the trade's objective, halving what does not improve it."""
+    """Steps along the derivatives of the trade's objective, else along single variables.
+
+    A margin's worst postures change from step to step, so that a derivative may point along a
+    ridge that is lost at once; polls of all variables find the way then, and halve the step where
+    there is none.
+    """
     problem = scorer.problem
     ranges = np.where(problem.whole, 0.0, problem.high - problem.low)
-    step, now = FIRST_STEP, scorer.many(x[None])[0]
-    for _ in range(CLIMBS):
+    axes = np.eye(len(x))[~problem.whole]
+    step, now, asked = FIRST_STEP, scorer.many(x[None])[0], 0
+    while asked < budget and step >= LAST_STEP and len(axes):
         way = ascent_direction(problem, x, now, names, weights) if now.feasible else None
-        if way is None:
-            return
-        trial = np.clip(x + step * ranges * way, problem.low, problem.high)
-        new = scorer.many(trial[None])[0]
-        if scalar(new) < scalar(now):
-            x, now = trial, new
+        ways = [*([] if way is None else [way, 0.3 * way]), *axes, *-axes]
+        trials = np.clip(x + step * ranges * np.array(ways), problem.low, problem.high)
+        scores = scorer.many(trials)
+        asked += len(trials)
+        k = min(range(len(trials)), key=lambda i: scalar(scores[i]))
+        if scalar(scores[k]) < scalar(now):
+            x, now = trials[k], scores[k]
         else:
-            step *= 0.4
-        if step < 1e-4:
-            return
+            step *= 0.5
 
 
 def nondominated(
