@@ -39,6 +39,8 @@ def test_plans_are_smooth_and_within_limits(request, preset, name):
     robot = request.getfixturevalue(preset)
     # two apparatuses have no virtual-single-rotor mode to change to, but by force
     options = {"force": True} if (preset, name) == ("dragon3", "switch") else {}
+    if name == "squeeze":  # the ceiling takes a search: benchmarks/plans.py
+        options = {"doorway": True}
     plan = planned(name, robot, **options)
     low, high, _ = robot.limits(driven_joints(robot))
     assert np.all(plan.joints >= low - 1e-9) and np.all(plan.joints <= high + 1e-9)
@@ -87,7 +89,7 @@ def test_no_long_body_touches_itself():
 
 
 def test_the_slim_body_is_narrower_than_the_opening_and_the_resting_body_wider(dragon4):
-    plan = planned("squeeze", dragon4)
+    plan = planned("squeeze", dragon4, doorway=True)
     opening = plan.facts["opening_m"]
     assert np.ptp(extent(dragon4, slim(dragon4))[:, 1]) < opening < plan.facts["span_m"]
     left, right, lintel = plan.obstacles

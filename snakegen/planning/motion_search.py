@@ -71,10 +71,10 @@ class Judgement:
         if lacking > 0.0:
             return -10.0 - lacking
         steep = 0.7 * self.roll + (5.0 if self.roll > 1.3 else 0.0)
-        room = min(self.clearance, 0.15) / 0.05 + min(self.torque, 10.0) / 5.0
+        room = min(self.clearance, 0.15) / 0.03 + min(self.torque, 10.0) / 5.0
         # noise turns roll gimbals by 1/cos of the slope and by 1/torque margin
         calm = 4.0 * min(self.torque * self.upright, 4.0)
-        return room + calm - steep - self.swing - 0.02 * len(self.poses)
+        return room + calm - steep - 1.5 * self.swing - 0.02 * len(self.poses)
 
 
 @dataclass(frozen=True, eq=False)

@@ -243,7 +243,7 @@ def _place(item: Any, where: str, ways: list[Opening]) -> Place:
     sides = [k for k in ("above", "below") if k in item]
     if len(sides) + ("cog" in item) != 1:
         raise SceneError(f"{where}: one of cog, above and below is needed.")
-    within = _positive(item, "within", where, 1.5 if sides else 0.0, zero=True)
+    within = _positive(item, "within", where, 4.0 if sides else 0.0, zero=True)
     if sides:
         named = [w for w in ways if w.name == str(item[sides[0]])]
         if not named:

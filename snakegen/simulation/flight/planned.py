@@ -38,8 +38,12 @@ def planned_flight(
             f"{where} is a plan for {file.robot} with joints {', '.join(file.names)}; {robot.name} "
             f"has {', '.join(names)}."
         )
-    end = float(file.path.times[-1])
-    seconds = 2.0 * HOLD + end if duration is None else duration
+    return flight_of(robot, file, rate, duration)
+
+
+def flight_of(robot: Robot, file: PlanFile, rate: float, duration: float | None = None) -> Plan:
+    """Returns the references of a plan: a hover, its motion, a hover."""
+    seconds = 2.0 * HOLD + float(file.path.times[-1]) if duration is None else duration
     refuse_too_long(robot, seconds)
     time = ticks(seconds, rate)
     return follow(robot, file.path, time, time - HOLD, obstacles=file.solids, **_judged(file))
