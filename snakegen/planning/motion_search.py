@@ -355,7 +355,8 @@ def way_through(body: PlannedBody, scene: Scene) -> tuple[Floats, list[Floats]]:
     least = 0.02
     way = guide(scene, scene.start.cog, scene.goal.cog, least)
     if way is None:
-        names = sorted({s.name.partition(".")[0] for s in scene.solids})
+        solid = (s for s in scene.solids if s.kind != "half_space")
+        names = sorted({s.name.partition(".")[0] for s in solid})
         blocking = []
         for name in names:
             left = tuple(s for s in scene.solids if s.name.partition(".")[0] != name)
