@@ -1,4 +1,8 @@
-"""Lose a rotor or an apparatus in flight: detected after a delay, flown without it from then on."""
+"""Lose a rotor or an apparatus in flight: detected after a delay, flown without it from then on.
+
+The verdict holds the flight to the analysis: where hover is in reach without the lost rotors it
+must be held; where it is proved out of reach the body must leave it, as `left_hover` says.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +19,27 @@ from snakegen.simulation.flight.postures import (
     resting_joints,
 )
 from snakegen.simulation.flight.trim import TrimOption
+from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.signals import attitude_error, position_error
+
+FAR, LEANS = 1.0, 0.2  # m, rad: a body that is farther off has left its hover
+# rotors that stand still are at their lower limit
+HOLDS: dict[str, dict[str, Any] | None] = {
+    "position_max_m": {"at_most": FAR},
+    "saturation_share": None,
+}
+FALLS: dict[str, dict[str, Any] | None] = HOLDS | dict.fromkeys(
+    (
+        "completed",
+        "floor_contact_after_takeoff_s",
+        "position_rmse_m",
+        "position_max_m",
+        "attitude_rmse_rad",
+        "joint_torque_use",
+        "gimbal_torque_limit_share",
+    )
+)
+FALLS["left_hover"] = {"equals": True}
 
 
 @dataclass(frozen=True)
@@ -59,7 +84,7 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
     attitude = resting_attitude(robot, options.posture, "fail")
     cog = np.array([0.0, 0.0, options.height])
     start = place(robot, joints, cog, attitude)
-    left = margin_without(robot, start, rotors)
+    left, above = margins_without(robot, start, rotors)
     part = lost_name(robot, options.lost)
     word = "can still hover level" if left >= 0 else "cannot hover level"
     return holding(
@@ -72,12 +97,13 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
             (options.at, f"{part} lost"),
             (options.at + options.delay, f"the controller knows; the robot {word}"),
         ),
-        facts={"lost": options.lost, "lost_part": part, "predicted_wrench_margin": left},
-        thresholds={
-            "position_max_m": {"at_most": 1.0},
-            # rotors that stand still are at their lower limit
-            "saturation_share": None,
+        facts={
+            "lost": options.lost,
+            "lost_part": part,
+            "predicted_wrench_margin": left,
+            "lost_at_s": options.at,
         },
+        thresholds=FALLS if above < 0.0 else HOLDS,
         tracked=False,
     )
 
@@ -103,8 +129,25 @@ def lost_name(robot: Robot, lost: str) -> str:
     return robot.apparatus_names[int(number) - 1] if number.isdigit() else lost
 
 
+def metrics(recording: Recording) -> dict[str, Any]:
+    """Returns whether the body left its hover after the loss: by 1 m, .2 rad or onto the floor."""
+    lost_at = recording.meta["facts"].get("lost_at_s")
+    if lost_at is None:
+        return {}
+    worst = []
+    for name, error in (("position", position_error), ("attitude", attitude_error)):
+        after = recording.times(name) >= lost_at
+        worst.append(np.abs(error(recording)[after]).max(initial=0.0))
+    return {"left_hover": bool(worst[0] > FAR or worst[1] > LEANS)}
+
+
 def margin_without(robot: Robot, q: Any, rotors: tuple[int, ...]) -> float:
-    """Returns the scaled wrench margin of the robot's mode without `rotors`; negative: it falls.
+    """Returns the lower bound of `margins_without`."""
+    return margins_without(robot, q, rotors)[0]
+
+
+def margins_without(robot: Robot, q: Any, rotors: tuple[int, ...]) -> tuple[float, float]:
+    """Returns bounds of the mode's scaled wrench margin without `rotors`; negative: it falls.
 
     Dual-rotor mode: the exact margin of [f_z; τ]. Virtual single rotor: the certain margin without
     the whole apparatus, within gimbal limits and least thrusts.
@@ -120,6 +163,7 @@ def margin_without(robot: Robot, q: Any, rotors: tuple[int, ...]) -> float:
         most[list(rotors)] = 0.0
         least = np.minimum(robot.rotors.thrust_min, most)
         found = thrust_margins(a.dual, least, most, a.hover_wrench, **scale)
-        return float(found.attitude_altitude)
+        return float(found.attitude_altitude), float(found.attitude_altitude)
     left = robot.force_sets(q).without(robot.rotors.apparatus[list(rotors)])
-    return float(set_margins(left, a.hover_wrench, **scale).wrench)
+    low, high = set_margins(left, a.hover_wrench, **scale).wrench_bounds
+    return float(low), float(high)
