@@ -160,6 +160,19 @@ def test_a_robot_without_rotors_is_refused(tmp_path: Path) -> None:
         snakegen.adopt(tmp_path / "arm.urdf")
 
 
+@pytest.mark.parametrize("text, words", [
+    ("<mujoco/>", "is an MJCF"), ("<!-- <robot> --><mujoco/>", "is an MJCF"),
+    ("hello", "not well-formed"), ("", "not well-formed"), ("<sdf/>", "root element is <sdf>"),
+    ("<robot name='r'><link name='a'/><link name='b'/></robot>", "second root"),
+])  # fmt: skip
+def test_what_is_no_urdf_is_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "strange.urdf"
+    path.write_text(text)
+    for call in (snakegen.adopt, snakegen.load, snakegen.convert):
+        with pytest.raises(DescriptionError, match=words):
+            call(path)
+
+
 def test_frames_that_were_not_taken_are_listed(tmp_path: Path) -> None:
     text = hexarotor().replace("rotor_5", "front")
     (tmp_path / "hexa.urdf").write_text(text)

@@ -22,7 +22,8 @@ from tests.test_compare import ARM
 from tests.test_lint import GOOD
 
 ROOT = Path(__file__).parent.parent
-BASES = (GOOD, ARM, *(make() for make in ROBOTS.values()))
+MJCF = (ROOT / "generated/arm6/arm6.xml").read_text()
+BASES = (GOOD, ARM, MJCF, *(make() for make in ROBOTS.values()))
 SPECS = sorted((ROOT / "templates/presets").glob("*.yaml"))
 SEED = int(os.environ.get("SNAKEGEN_SEED", "0"))
 _FEW = settings(

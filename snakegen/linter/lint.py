@@ -5,6 +5,7 @@ subset. `lint` reads the text itself, so that every program behind it gets a sou
 what makes a model wrong or unloadable; everything else is a warning or a note (docs/lint.md).
 """
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -20,8 +21,9 @@ from snakegen.linter.rotor_rules import rotor_faults
 from snakegen.linter.tree_rules import tree_faults
 from snakegen.linter.xml_tree import XmlFault, parse_xml
 
-__all__ = ["Finding", "check", "lint", "refuse"]
+__all__ = ["Finding", "check", "lint", "refuse", "refuse_mjcf"]
 
+_HEAD = 100_000  # characters in which the root element begins
 LARGEST = 100_000_000  # bytes of text: some 15,000 links
 
 
@@ -123,6 +125,20 @@ def refuse(found: Iterable[Finding], name: str) -> None:
     more = len(errors) - 1
     others = f" (and {more} more error{'s' if more > 1 else ''})" if more else ""
     raise DescriptionError(f"{name}: {errors[0]}{others}")
+
+
+def refuse_mjcf(text: str, name: str) -> None:
+    """Raises where a text is an MJCF and a URDF is needed; its root element tells.
+
+    Raises:
+        DescriptionError: names the file.
+    """
+    head = re.sub(r"<!--.*?-->|<\?.*?\?>", "", text[:_HEAD], flags=re.S)
+    first = re.search(r"<([A-Za-z_][\w:.-]*)", head)
+    if first is not None and first[1] == "mujoco":
+        raise DescriptionError(
+            f"{name}: is an MJCF, its root element is <mujoco>; a URDF with <robot> is needed."
+        )
 
 
 def _is_text(source: str | Path) -> bool:

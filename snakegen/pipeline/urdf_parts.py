@@ -28,7 +28,7 @@ def urdf_parts(path: Path, modules: Path | None = None) -> RobotParts:
         DescriptionError: no sound URDF, or a modules file of another robot.
     """
     text = read_urdf(path)
-    refuse(lint(text, folder=path.parent, quick=True), str(path))
+    refuse(lint(path, quick=True), str(path))
     root = parse_xml(text)
     frames = link_poses(root)
     joints, bodies = _joints(root, frames), _bodies(root, frames)

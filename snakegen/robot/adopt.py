@@ -9,7 +9,7 @@ import numpy as np
 
 from snakegen.errors import DescriptionError
 from snakegen.linter.finding import numbers
-from snakegen.linter.lint import lint, refuse
+from snakegen.linter.lint import lint, refuse, refuse_mjcf
 from snakegen.linter.xml_tree import parse_xml
 from snakegen.robot.adopted_yaml import Drafted, to_yaml
 from snakegen.robot.motor_plugins import MotorPlugin, motor_plugins
@@ -61,7 +61,8 @@ def draft(urdf: str | Path) -> Adoption:
     """
     path = Path(urdf)
     text = read_urdf(path)
-    refuse(lint(text, folder=path.parent, quick=True), str(path))
+    refuse(lint(path, quick=True), str(path))
+    refuse_mjcf(text, str(path))
     root = parse_xml(text)
     if root.find("snakegen") is not None:
         raise DescriptionError(f"{path}: its <snakegen> element names its modules already.")

@@ -134,6 +134,7 @@ def from_urdf_text(
 
     if not checked:
         lint.check(path if path is not None else text)
+    lint.refuse_mjcf(text, str(path or "URDF"))
     text, world = without_floating_root(text)
     found = from_urdf(text)
     if modules is not None:
