@@ -1,7 +1,9 @@
-"""Compiles the margins that a log holds in a process of its own, while the flight's loop compiles.
+"""Compiles parts of a first flight in a process of its own, while the flight itself compiles.
 
-Numba compiles on one core; a first flight needs the kernel of the margins only at its end. What
-this process finds in the cache by then it does not compile again.
+Numba compiles on one core. What this process has put into the cache by the time that the flight
+needs it, the flight does not compile again: parts of the controller that it comes to late, and the
+margins of its log. Types are those of the robot's own arrays; one that were not the flight's would
+cost a process some seconds in vain and nothing else.
 """
 
 import os
@@ -9,40 +11,68 @@ import subprocess
 import sys
 from typing import Any
 
+import numba
 import numpy as np
 
-from snakegen.control.controller import MODES
-from snakegen.kernels.control.types import VIRTUAL
+from snakegen.control.controller import MODES, flight_controller
+from snakegen.kernels.allocation.compliance import yielding_answer
+from snakegen.kernels.allocation.constrained_allocation import bounded_answer
+from snakegen.kernels.control.types import VIRTUAL, Command, Measured
+from snakegen.kernels.control.vibration_damping import damped
 from snakegen.kernels.core.jit import cold
-from snakegen.robot.robot import Robot
+from snakegen.kernels.dynamics.joint_loads import JointLoads
+from snakegen.kernels.flight.types import Damper
+from snakegen.robot.robot import Robot, load
 from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.thrust import thrust_margins
 from snakegen.wrench_margins.vectored import set_margins
 
-KERNELS = {True: "margins.vectored", False: "margins.zonotope"}  # virtual-single-rotor mode or not
-SCALES: dict[str, Any] = {"force_scale": 1.0, "torque_scale": 1.0}
+ANY = "dragon4"  # the types of arrays are the same for every robot
 
 
 def compile_ahead(robot: Robot) -> None:
-    """Starts the process if the kernel of the robot's mode has yet to be compiled."""
+    """Starts the process where there is a second core and a flight has yet to be compiled."""
+    if not robot.modules.apparatuses or (os.cpu_count() or 1) < 2 or not cold():
+        return
     mode = str(robot.modules.control.get("mode", "virtual_single_rotor"))
     virtual = MODES.get(mode) == VIRTUAL and bool(robot.gimbal_names)
-    if not robot.modules.apparatuses or (os.cpu_count() or 1) < 2 or not cold(KERNELS[virtual]):
-        return
-    command = [sys.executable, "-m", __spec__.name, "virtual" if virtual else "dual"]
+    command = [sys.executable, "-m", "snakegen.simulation.recording.compile_ahead"]
     null = subprocess.DEVNULL
-    subprocess.Popen(command, stdin=null, stdout=null, stderr=null)
+    subprocess.Popen([*command, str(int(virtual))], stdin=null, stdout=null, stderr=null)
 
 
-def main(mode: str) -> None:
-    """Compiles the kernel of a mode by measuring two postures of a made-up body."""
-    points = np.random.default_rng(0).normal(size=(2, 4, 3))
-    hover = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    if mode == "virtual":
-        set_margins(ForceSets.free(points, 1.0), hover, **SCALES)
+def compile_for(kernel: Any, *examples: Any) -> None:
+    """Compiles a kernel for arguments of the types of `examples`."""
+    kernel.compile(tuple(numba.typeof(x) for x in examples))
+
+
+def controller_parts() -> None:
+    """Compiles what a flight comes to late: limits, compliant gimbals, vibration damping."""
+    c = flight_controller(load(ANY))
+    one, two, three = (np.zeros((1,) * k) for k in range(1, 4))
+    whole, pairs = np.zeros(1, np.int64), np.zeros((1, 1), np.int64)
+    loads = JointLoads(two, one, one)
+    m = (three, one, one, one, two, one, two, two)  # of mounts, limits, wrench, rows, gimbals …
+    compile_for(bounded_answer, *m, True, loads, one, one, two, three, one)
+    answer = (three, three, two, two, two, one, one, one, one)
+    compile_for(yielding_answer, *answer, 0, loads, one, two)
+    damper = Damper(0.0, whole, two, two, pairs, whole, whole, two, two, one, two, 0.0)
+    measured = Measured(two, one, one, one, one, one, one)
+    command = Command(one, two, one, one, 0.0, 0, 0.0, 0)
+    robot = (c.tree, c.rotors, c.gimbals, c.law, 1.0)
+    compile_for(damped, *robot, damper, measured, one, two, 0.0, command)
+
+
+def margins(virtual: bool) -> None:
+    """Compiles the margins of a mode by measuring two postures of a made-up body."""
+    rng, up = np.random.default_rng(0), np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    scales: dict[str, Any] = {"force_scale": 1.0, "torque_scale": 1.0}
+    if virtual:
+        set_margins(ForceSets.free(rng.normal(size=(2, 4, 3)), 1.0), up, **scales)
     else:
-        thrust_margins(np.random.default_rng(0).normal(size=(2, 6, 8)), 0.0, 1.0, hover, **SCALES)
+        thrust_margins(rng.normal(size=(2, 6, 8)), 0.0, 1.0, up, **scales)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    controller_parts()
+    margins(sys.argv[1] != "0")
