@@ -20,7 +20,9 @@ FLIGHTS = ("transform", "push", "fail")
 @click.argument("study", metavar="[STUDY.yaml]", required=False, type=click.Path())
 @click.option("-o", "--out", metavar="DIR", type=click.Path(), help="Folder of the results.")
 @click.option("--minutes", type=float, help="End the search with what it has by then.")
-@click.option("--seed", type=int, default=0, show_default=True, callback=at_least(0))
+@click.option(
+    "--seed", type=int, default=0, show_default=True, callback=at_least(0), help="Of the search."
+)
 @click.option("--resume", is_flag=True, help="Go on with an interrupted search.")
 @click.option("--workers", type=int, callback=at_least(1), help="Processes; all cores by default.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask scheduler, as in tcp://10.0.0.5:8786.")
