@@ -230,3 +230,41 @@ def test_stdout_on_a_full_disk(tmp_path: Path) -> None:
         )
     assert ran.returncode == 1
     assert ran.stderr.strip() == "Error: stdout cannot be written (No space left on device)."
+
+
+def test_missions_are_listed_with_reasons_and_options(run) -> None:
+    """All of them; those of a robot and what the others need; the options of one; as JSON too."""
+    everything = run("missions")
+    assert everything.code == 0 and "transform" in everything.out and "lcrank" in everything.out
+    page = json.loads(run("missions", "dragon3", "--json").out)["missions"]
+    assert page["hover"]["applies"] and page["hover"]["needs"] is None
+    assert not page["table3"]["applies"] and "fixed base" in page["table3"]["needs"]
+    options = json.loads(run("missions", "dragon4", "hover", "--json").out)["options"]
+    assert options["duration"] == {"default": 10.0, "meaning": "s"}
+    assert (
+        "allocator" not in json.loads(run("missions", "dragon4", "push", "--json").out)["options"]
+    )
+    for words, says in (
+        (("missions", "hover"), "snakegen missions ROBOT hover"),
+        (("missions", "dragon4", "hovr"), "Did you mean 'hover'"),
+        (("missions", "dragon4", "table3"), "needs an arm"),
+    ):
+        refused = run(*words)
+        assert refused.code == 1 and says in refused.err and refused.out == ""
+
+
+def test_postures_reach_flights_and_are_printed(run, tmp_path: Path) -> None:
+    """--joint, --posture and --base-rpy set the start; every page says which posture it is of."""
+    (tmp_path / "bent.yaml").write_text("{joint1_yaw: 0.9, joint2_yaw: 0.2}\n")
+    flight = ("analyze", "flight", "dragon4", "--duration", "0.2", "--ideal", "--json")
+    given = ("--posture", "bent.yaml", "--joint", "joint2_yaw=0.8", "--base-rpy", "0,0.1,0.3")
+    start = json.loads(run(*flight, *given).out)["start_posture_rad"]
+    assert start["joint1_yaw"] == pytest.approx(0.9) and start["joint2_yaw"] == pytest.approx(0.8)
+    assert start["base_rpy"] == pytest.approx([0.0, 0.1, 0.3], abs=1e-9)
+    mass = run("analyze", "mass", "dragon4", *given).out.splitlines()[0]
+    assert mass.startswith("dragon4: mass; ") and "joint1_yaw +0.900" in mass
+    assert mass.endswith("base_rpy +0.000 +0.100 +0.300")
+    posture = json.loads(run("analyze", "mass", "dragon4", *given, "--json").out)["posture_rad"]
+    assert posture["joint2_yaw"] == 0.8 and posture["joint3_yaw"] == 0.0
+    other = run(*flight, "--mission", "transform", "--joint", "joint1_yaw=0.1")
+    assert other.code == 1 and "sets its own posture" in other.err and not other.out
