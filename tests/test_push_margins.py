@@ -117,10 +117,7 @@ def test_dual_rotor_margins_are_those_of_its_four_rows():
     bounds = replace(bounds, limit=held + 0.05)
     scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
     unit = np.repeat([robot.force_scale, robot.torque_scale], 3)
-    loads = (bounds.rows, bounds.bias, bounds.limit)
-    (low, high), e, joints = truncated_joint_limited(
-        *given, *loads, disturbance=bounds.wrench, **scale
-    )
+    (low, high), e, joints = truncated_joint_limited(*given, bounds, **scale)
     pseudo = truncated_controller(*given, bounds=bounds, **scale)
     inverse = np.linalg.pinv(a.dual[2:])
     assert joints and 0 < low <= high < 0.9 * kinds["exact_thrust"].value

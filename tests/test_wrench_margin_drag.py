@@ -25,6 +25,7 @@ from snakegen.wrench_margins.controller import vectored_controller
 from snakegen.wrench_margins.failure import vectored_failures
 from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.joint_limited import vectored_joint_limited
+from snakegen.wrench_margins.rays import Bounds
 from snakegen.wrench_margins.uncertainty import guaranteed_vectored
 
 
@@ -265,13 +266,17 @@ def test_joint_limits_on_a_body_that_drags():
     rng = np.random.default_rng(9)
     b = random_body(rng, 4)
     bends = rng.normal(size=(2, 4, 3))
-    given = b.points, b.limits, b.hover, bends, np.zeros(2)
-    loose = vectored_joint_limited(*given, 1e4, drag=b.drag, **SCALES)
+    given = b.points, b.limits, b.hover
+
+    def weak(limit: float) -> Bounds:
+        return Bounds(bends, np.zeros(2), np.zeros((2, 6)), np.full(2, limit))
+
+    loose = vectored_joint_limited(*given, weak(1e4), drag=b.drag, **SCALES)
     free = margins_of(b)
     np.testing.assert_allclose(loose.force_bounds, free.force_bounds, rtol=2e-3)
     coarse = margins_of(b, wrench_starts=0)
     assert (loose.free_force, loose.free_torque) == (coarse.force, coarse.torque)
-    tight = vectored_joint_limited(*given, 20.0, drag=b.drag, **SCALES)
+    tight = vectored_joint_limited(*given, weak(20.0), drag=b.drag, **SCALES)
     assert tight.closed and tight.force < 0.95 * loose.force
     row, n = bends.reshape(2, 12), 4
     for e, bounds, part in (

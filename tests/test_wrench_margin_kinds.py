@@ -1,5 +1,7 @@
 """Controller, failure, guaranteed, joint-limited and gimbal-limited margins."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from margin_robots import LENGTH, MASS, chain
@@ -12,6 +14,7 @@ from snakegen.wrench_margins.failure import thrust_failures, vectored_failures
 from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.joint_limited import vectored_joint_limited
 from snakegen.wrench_margins.joint_limited_rotors import thrust_joint_limited
+from snakegen.wrench_margins.rays import Bounds
 from snakegen.wrench_margins.uncertainty import guaranteed_thrust, guaranteed_vectored
 
 WEIGHT = 4 * MASS * 9.81
@@ -152,16 +155,17 @@ def test_joint_limits_of_the_published_case():
     # THEORY A5: planar 60°, 64 N an apparatus, disturbance at the root link, 7 N·m joints
     points, rotations = chain(4, "planar")
     rows, bias = joint_rows(points, rotations)
-    m = vectored_joint_limited(points, 64.0, HOVER, rows, bias, 7.0, **SCALES)
+    bounds = Bounds(rows, bias, np.zeros((len(rows), 6)), 7.0)
+    m = vectored_joint_limited(points, 64.0, HOVER, bounds, **SCALES)
     assert m.closed
     assert m.force == pytest.approx(53.7, abs=0.1) and m.torque == pytest.approx(13.2, abs=0.05)
     assert m.force_joints and m.torque_joints
-    free = vectored_joint_limited(points, 64.0, HOVER, rows, bias, 1e4, **SCALES)
+    free = vectored_joint_limited(points, 64.0, HOVER, replace(bounds, limit=1e4), **SCALES)
     assert (free.force, free.torque) == pytest.approx((free.free_force, free.free_torque), rel=1e-3)
     # where the disturbance acts matters: on the last link it bends every joint
     arms = rows[:, -1]
     tip = np.hstack([arms, np.zeros((len(rows), 3))])
-    there = vectored_joint_limited(points, 64.0, HOVER, rows, bias, 7.0, disturbance=tip, **SCALES)
+    there = vectored_joint_limited(points, 64.0, HOVER, replace(bounds, wrench=tip), **SCALES)
     assert abs(there.force - m.force) > 0.5
 
 
@@ -169,9 +173,8 @@ def test_joint_limited_rotors_stay_inside_their_rays():
     rng = np.random.default_rng(4)
     q, rows = rng.normal(size=(6, 9)), rng.normal(size=(2, 9))
     hover, bias = q @ np.full(9, 0.5), -rows @ np.full(9, 0.5)
-    m = thrust_joint_limited(
-        q, 0, 1, hover, rows, bias, 0.3, force_scale=1, torque_scale=1, tolerance=1e-7
-    )
+    bounds = Bounds(rows, bias, np.zeros((2, 6)), 0.3)
+    m = thrust_joint_limited(q, 0, 1, hover, bounds, force_scale=1, torque_scale=1, tolerance=1e-7)
     assert m.force < m.free_force
     shortest = np.inf
     for e in [m.force_direction, *unit_ball(rng, 40, 3)]:

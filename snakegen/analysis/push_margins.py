@@ -88,11 +88,10 @@ def _virtual(
     out = {}
     limited = None
     if joints:
-        rows = bounds.rows.reshape(len(joints), -1, 3)
+        by_force = replace(bounds, rows=bounds.rows.reshape(len(joints), -1, 3))
         limited = sets_joint_limited(
-            sets, a.hover_wrench, rows, bounds.bias, bounds.limit, disturbance=bounds.wrench,
-            tolerance=tolerance, **_scale(robot),
-        )  # fmt: skip
+            sets, a.hover_wrench, by_force, tolerance=tolerance, **_scale(robot)
+        )
     held = vectored_controller(*points, weights=weights, bounds=bounds, **given)
     for kind in ("force", "torque"):
         full, _ = found.saturated(kind)
@@ -124,9 +123,8 @@ def _dual(
     mine = {"exact_thrust": PushMargin(value, (value, value), push, _named(labels, full + idle))}
     if joints:
         (low, high), e, stopped = truncated_joint_limited(
-            *given, bounds.rows, bounds.bias, bounds.limit, disturbance=bounds.wrench,
-            tolerance=tolerance, **scale,
-        )  # fmt: skip
+            *given, bounds, tolerance=tolerance, **scale
+        )
         unit = np.repeat([robot.force_scale, robot.torque_scale], 3)
         weakest = tuple(float(-x) for x in np.r_[0.0, 0.0, e] * unit)
         limited = PushMargin(

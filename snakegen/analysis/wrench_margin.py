@@ -1,5 +1,6 @@
 """Feasible-wrench margins of both modes: how much a body resists, where it is weakest, and why."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from snakegen.wrench_margins.failure import thrust_failures, vectored_failures
 from snakegen.wrench_margins.joint_limited_rotors import thrust_joint_limited
 from snakegen.wrench_margins.joint_limited_sets import sets_joint_limited
 from snakegen.wrench_margins.push_margin import ALLOCATORS, PushMargins
+from snakegen.wrench_margins.rays import Bounds
 from snakegen.wrench_margins.summary import JointLimited, Margins, Weakest
 from snakegen.wrench_margins.thrust import ThrustMargins, thrust_margins
 from snakegen.wrench_margins.uncertainty import guaranteed_thrust, guaranteed_vectored
@@ -178,18 +180,14 @@ def _joint_limited(
     loads = joint_loads(robot, q, link)
     if not loads.names or not np.all(np.isfinite(loads.limit) & (loads.limit > 0)):
         return {}
-    shared = (loads.bias, loads.limit)
-    more: dict[str, Any] = {"disturbance": loads.disturbance, "tolerance": tolerance} | scale
-    found = {
-        "dual_rotor": thrust_joint_limited(
-            a.dual, robot.rotors.thrust_min, robot.rotors.thrust_max, a.hover_wrench,
-            loads.rotors, *shared, **more,
-        )
-    }  # fmt: skip
+    by_rotor = Bounds(loads.rotors, loads.bias, loads.disturbance, loads.limit)
+    rotors, more = robot.rotors, {"tolerance": tolerance} | scale
+    given = (a.dual, rotors.thrust_min, rotors.thrust_max, a.hover_wrench)
+    found = {"dual_rotor": thrust_joint_limited(*given, by_rotor, **more)}
     if robot.gimbal_names:
-        found["virtual_single_rotor"] = sets_joint_limited(
-            robot.force_sets(q), a.hover_wrench, loads.forces, *shared, **more
-        )
+        by_force = replace(by_rotor, rows=loads.forces)
+        sets = robot.force_sets(q)
+        found["virtual_single_rotor"] = sets_joint_limited(sets, a.hover_wrench, by_force, **more)
     out = {}
     for mode, m in found.items():
         force, torque = (tuple(float(x) for x in b) for b in (m.force_bounds, m.torque_bounds))

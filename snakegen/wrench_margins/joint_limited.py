@@ -16,6 +16,7 @@ from snakegen.errors import AnalysisError
 from snakegen.wrench_margins import inputs
 from snakegen.wrench_margins.inner_ball import inner_ball, inner_ball_of
 from snakegen.wrench_margins.plain.ball_support import minimise
+from snakegen.wrench_margins.rays import Bounds
 from snakegen.wrench_margins.vectored import vectored_margins
 
 Floats = NDArray[np.float64]
@@ -79,17 +80,14 @@ def limited_problem(
     hover: Floats,
     scale: Floats,
     joint_torque: Floats,
-    joint_bias: ArrayLike,
-    joint_limit: ArrayLike,
-    disturbance: ArrayLike | None,
+    bounds: Bounds,
 ) -> LimitedProblem:
     k = len(joint_torque)
-    bias = inputs.array("joint_bias", joint_bias, (k,))
-    limit = inputs.per_unit("joint_limit", joint_limit, k)
+    bias = inputs.array("joint_bias", bounds.bias, (k,))
+    limit = inputs.per_unit("joint_limit", bounds.limit, k)
     if (limit == 0.0).any():
         raise AnalysisError(f"joint_limit[{int(np.argmin(limit))}] is 0; it must be positive, N·m.")
-    acts = np.zeros((k, 6)) if disturbance is None else disturbance
-    d = inputs.array("disturbance", acts, (k, 6))
+    d = inputs.array("disturbance", bounds.wrench, (k, 6))
     rows, torque = joint_torque - d @ q, scale[3]
     return LimitedProblem(
         q / scale[:, None],
@@ -155,13 +153,10 @@ def vectored_joint_limited(
     points: ArrayLike,
     limits: ArrayLike,
     hover_wrench: ArrayLike,
-    joint_torque: ArrayLike,
-    joint_bias: ArrayLike,
-    joint_limit: ArrayLike,
+    bounds: Bounds,
     *,
     force_scale: float,
     torque_scale: float,
-    disturbance: ArrayLike | None = None,
     tolerance: float = 1e-3,
     drag: ArrayLike = 0.0,
 ) -> JointLimitedMargins:
@@ -172,9 +167,8 @@ def vectored_joint_limited(
     over the held half of the twist d = (v, ω) and the joint multipliers μ.
 
     Args:
-        joint_torque: M, (k, n, 3): torque of each joint per newton of each apparatus' force, the
-            drag along it included.
-        joint_bias, joint_limit, disturbance: as `thrust_joint_limited`.
+        bounds: as `thrust_joint_limited`, but `rows` (k, n, 3): torque of each joint per newton
+            of each apparatus' force, the drag along it included.
         points, limits, hover_wrench, force_scale, torque_scale, tolerance, drag: as
             `vectored_margins`.
 
@@ -184,11 +178,9 @@ def vectored_joint_limited(
     p = inputs.array("points", points, (None, 3))
     limit = inputs.per_unit("limits", limits, len(p))
     hover, scale = inputs.hover(hover_wrench, None), inputs.scale(force_scale, torque_scale)
-    m = inputs.array("joint_torque", joint_torque, (None, len(p), 3))
+    m = inputs.array("joint_torque", bounds.rows, (None, len(p), 3))
     q = inputs.force_map(p, inputs.drags(drag, len(p)))
-    problem = limited_problem(
-        q, hover, scale, m.reshape(len(m), -1), joint_bias, joint_limit, disturbance
-    )
+    problem = limited_problem(q, hover, scale, m.reshape(len(m), -1), bounds)
     joints, strength = len(m), np.r_[limit, problem.limit * scale[0]] / scale[0]
     strength[: len(p)] = np.maximum(strength[: len(p)], 1e-12)
     # from scaled twist to point velocity, per unit of force scale

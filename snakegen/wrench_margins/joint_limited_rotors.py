@@ -15,6 +15,7 @@ from snakegen.wrench_margins.joint_limited import (
     limited_problem,
     limited_slice,
 )
+from snakegen.wrench_margins.rays import Bounds
 from snakegen.wrench_margins.thrust import thrust_margins
 
 Floats = NDArray[np.float64]
@@ -25,32 +26,28 @@ def thrust_joint_limited(
     lower: ArrayLike,
     upper: ArrayLike,
     hover_wrench: ArrayLike,
-    joint_torque: ArrayLike,
-    joint_bias: ArrayLike,
-    joint_limit: ArrayLike,
+    bounds: Bounds,
     *,
     force_scale: float,
     torque_scale: float,
-    disturbance: ArrayLike | None = None,
     tolerance: float = 1e-3,
 ) -> JointLimitedMargins:
     """Returns the margins of fixed rotors with joint torques within limits (linear programs).
 
     Args:
-        joint_torque: M, (k, n): torque of each joint per newton of each rotor.
-        joint_bias: (k,) N·m: joint torques with rotors off (gravity), in the posture.
-        joint_limit: N·m, one number or (k,).
-        disturbance: D, (k, 6): joint torque per unit of disturbance wrench (about the CoG), for
-            the place where it acts; by default 0: on a link that loads no joint (the root).
+        bounds: of the joint torques: `rows` M, (k, n), torque of each joint per newton of each
+            rotor; `bias` with rotors off (gravity), in the posture; `wrench` D, (k, 6), per unit of
+            disturbance wrench about the CoG, for the place where it acts (0: on a link that loads
+            no joint); `limit`, one number or (k,).
         allocation, lower, upper, hover_wrench, force_scale, torque_scale: as `thrust_margins`.
         tolerance: relative gap of the bounds.
 
     Raises:
         AnalysisError: as `thrust_margins`; joint arrays of other shapes; a limit that is 0.
     """
-    limits, loads = (lower, upper), (joint_torque, joint_bias, joint_limit, disturbance)
+    limits = (lower, upper)
     scale = inputs.scale(force_scale, torque_scale)
-    problem, solve = _rotors(allocation, limits, hover_wrench, scale, loads)
+    problem, solve = _rotors(allocation, limits, hover_wrench, scale, bounds)
     free = thrust_margins(
         allocation, *limits, hover_wrench, force_scale=force_scale, torque_scale=torque_scale
     )
@@ -64,13 +61,10 @@ def truncated_joint_limited(
     lower: ArrayLike,
     upper: ArrayLike,
     hover_wrench: ArrayLike,
-    joint_torque: ArrayLike,
-    joint_bias: ArrayLike,
-    joint_limit: ArrayLike,
+    bounds: Bounds,
     *,
     force_scale: float,
     torque_scale: float,
-    disturbance: ArrayLike | None = None,
     tolerance: float = 1e-3,
 ) -> tuple[Floats, Floats, list[int]]:
     """Returns the margin over ``[f_z; τ]`` of fixed rotors with joint torques within limits.
@@ -84,9 +78,9 @@ def truncated_joint_limited(
         Scaled bounds (2,), nan where hover itself breaks a limit; the weakest direction (4,),
         scaled, of the rotors' wrench; the indices of the joints at their limit there.
     """
-    limits, loads = (lower, upper), (joint_torque, joint_bias, joint_limit, disturbance)
+    limits = (lower, upper)
     scale = inputs.scale(force_scale, torque_scale)
-    problem, solve = _rotors(allocation, limits, hover_wrench, scale, loads)
+    problem, solve = _rotors(allocation, limits, hover_wrench, scale, bounds)
     free = thrust_margins(
         allocation, *limits, hover_wrench, force_scale=force_scale, torque_scale=torque_scale
     )
@@ -101,14 +95,14 @@ def _rotors(
     limits: tuple[ArrayLike, ArrayLike],
     hover_wrench: ArrayLike,
     scale: Floats,
-    loads: tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike | None],
+    bounds: Bounds,
 ) -> tuple[LimitedProblem, Solve]:
     """Returns the scaled problem of fixed rotors, and its support by linear programs."""
     q = inputs.array("Q", allocation, (6, None))
     low, high = inputs.limits(*limits, q.shape[1])
     hover = inputs.hover(hover_wrench, None)
-    rows = inputs.array("joint_torque", loads[0], (None, q.shape[1]))
-    problem = limited_problem(q, hover, scale, rows, *loads[1:])
+    rows = inputs.array("joint_torque", bounds.rows, (None, q.shape[1]))
+    problem = limited_problem(q, hover, scale, rows, bounds)
 
     def solve(e: Floats, part: slice) -> tuple[float, Floats]:
         held = held_rows(part)

@@ -24,6 +24,7 @@ from snakegen.wrench_margins.joint_limited import (
     limited_problem,
     vectored_joint_limited,
 )
+from snakegen.wrench_margins.rays import Bounds
 from snakegen.wrench_margins.set_exits import pieces_near
 from snakegen.wrench_margins.vectored import set_margins
 
@@ -36,13 +37,10 @@ PENALTY = 1e3  # of a held row that no mixture gives
 def sets_joint_limited(
     sets: ForceSets,
     hover_wrench: ArrayLike,
-    joint_torque: ArrayLike,
-    joint_bias: ArrayLike,
-    joint_limit: ArrayLike,
+    bounds: Bounds,
     *,
     force_scale: float,
     torque_scale: float,
-    disturbance: ArrayLike | None = None,
     tolerance: float = 1e-3,
 ) -> JointLimitedMargins:
     """Returns margins with joint torques within limits; the lower bounds hold for the sets.
@@ -50,24 +48,27 @@ def sets_joint_limited(
     Args:
         sets: of one posture.
         hover_wrench, force_scale, torque_scale, tolerance: as `set_margins`.
-        joint_torque, joint_bias, joint_limit, disturbance: as `vectored_joint_limited`.
+        bounds: as `vectored_joint_limited`.
 
     Raises:
         AnalysisError: as `set_margins`; joint arrays of other shapes; a limit that is 0.
     """
     if sets.balls.all():
         return vectored_joint_limited(
-            sets.points, sets.strengths, hover_wrench, joint_torque, joint_bias, joint_limit,
-            force_scale=force_scale, torque_scale=torque_scale, disturbance=disturbance,
-            tolerance=tolerance, drag=sets.drag,
-        )  # fmt: skip
+            sets.points,
+            sets.strengths,
+            hover_wrench,
+            bounds,
+            force_scale=force_scale,
+            torque_scale=torque_scale,
+            tolerance=tolerance,
+            drag=sets.drag,
+        )
     n = len(sets)
     hover, scale = inputs.hover(hover_wrench, None), inputs.scale(force_scale, torque_scale)
-    m = inputs.array("joint_torque", joint_torque, (None, n, 3))
+    m = inputs.array("joint_torque", bounds.rows, (None, n, 3))
     q = inputs.force_map(sets.points, sets.drag)
-    problem = limited_problem(
-        q, hover, scale, m.reshape(len(m), -1), joint_bias, joint_limit, disturbance
-    )
+    problem = limited_problem(q, hover, scale, m.reshape(len(m), -1), bounds)
     convex = pieces_near(sets, np.tile(hover[:3], (n, 1)))
 
     def piece(j: int, d: Floats) -> Floats:
@@ -79,11 +80,11 @@ def sets_joint_limited(
         sets, hover, force_scale=force_scale, torque_scale=torque_scale, wrench_starts=0
     )
     found: list[tuple[Floats, Floats, list[int]]] = []
-    for part, bounds in ((FORCE, free.force_bounds), (TORQUE, free.torque_bounds)):
+    for part, ends in ((FORCE, free.force_bounds), (TORQUE, free.torque_bounds)):
         unit = scale[part][0]
-        known = bounds / unit
+        known = ends / unit
         if np.isnan(known).any() or known[1] == 0.0:
-            found.append((bounds.copy(), np.full(3, np.nan), []))
+            found.append((ends.copy(), np.full(3, np.nan), []))
             continue
 
         def support(e: Floats, part: slice = part) -> tuple[float, Floats]:
