@@ -13,7 +13,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c "$(NEW_ENOUGH)" 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test interpreted processors check format generated docs bench studies stress robots speed fuzz wheel clean
+.PHONY: help plans demo test interpreted processors check format generated docs bench studies stress robots speed fuzz wheel clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*##' $(firstword $(MAKEFILE_LIST)) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -96,8 +96,11 @@ $(PRESETS:%=generated/%): generated/%: $(VENV)/runtime.stamp
 		--report $@/report.md --json > $@/report.json.part
 	mv $@/report.json.part $@/report.json
 
+plans: $(VENV)/dev.stamp ## plan, check and fly 100 random scenes
+	$(BIN)/python benchmarks/plans.py
+
 bench: $(VENV)/bench.stamp ## run the benchmarks, each against its rival
-	@for file in $(filter-out benchmarks/readme.py benchmarks/stress.py benchmarks/public_robots.py,$(wildcard benchmarks/*.py)); do \
+	@for file in $(filter-out benchmarks/readme.py benchmarks/stress.py benchmarks/plans.py benchmarks/public_robots.py,$(wildcard benchmarks/*.py)); do \
 		echo "== $$file"; $(BIN)/python $$file || exit 1; done
 
 # Both design studies, with the proof of the first and flights of the chosen designs.

@@ -238,3 +238,20 @@ def test_robots_that_cannot_be_planned_for_say_why() -> None:
     for name, why in (("arm6", "does not fly"), ("dragon3", "dual-rotor mode")):
         with pytest.raises(PlanError, match=why):
             PlannedBody(load(name))
+
+
+def test_a_motion_is_drawn(body: PlannedBody, path: Trajectory, tmp_path: Path) -> None:
+    """Its rods are where the forward kinematics of the drawn instant put them."""
+    from types import SimpleNamespace
+
+    from snakegen.planning.strobe_instants import draw_motion, instant
+    from snakegen.scene.schema import Scene
+
+    motion = SimpleNamespace(path=path, body=body)
+    now = instant(motion, 1.0)  # type: ignore[arg-type]
+    q = body.at_pose(path.at(1.0)).q
+    assert np.allclose(now.line, Chain(body).line(q), atol=1e-9)
+    assert len(now.discs) == 4
+    file = tmp_path / "motion.png"
+    draw_motion(file, motion, Scene("test", SOLIDS), count=2)  # type: ignore[arg-type]
+    assert file.read_bytes()[:4] == b"\x89PNG"

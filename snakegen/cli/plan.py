@@ -30,6 +30,9 @@ _UNITS = {"clearance": "m", "self_clearance": "m", "force_margin": "N", "torque_
 @click.option(
     "--minutes", type=float, default=2.0, show_default=True, help="After which the search ends."
 )
+@click.option(
+    "--picture", metavar="FILE.png", type=click.Path(), help="Draw the motion at eight instants."
+)
 @click.option("--example", is_flag=True, help="Write a commented scene to SCENE.yaml instead.")
 @json_option
 def plan(
@@ -38,6 +41,7 @@ def plan(
     out: str | None,
     seed: int,
     minutes: float,
+    picture: str | None,
     example: bool,
     as_json: bool,
 ) -> int:
@@ -57,9 +61,11 @@ def plan(
     from snakegen.errors import PlanError
     from snakegen.planning.motion_search import search
     from snakegen.planning.plan_file import PlanFile
+    from snakegen.planning.strobe_instants import draw_motion
     from snakegen.scene.schema import read_scene
 
     check_ending("-o", out, ".yaml", ".yml")
+    check_ending("--picture", picture, ".png")
     path = Path(scene)
     if example:
         check_ending("SCENE", scene, ".yaml", ".yml")
@@ -87,6 +93,8 @@ def plan(
     )
     if not unmet:
         file.write(target)
+    if picture is not None:
+        draw_motion(Path(picture), motion, place)
     result = {
         "robot": robot.name,
         "scene": place.name,
