@@ -122,7 +122,7 @@ ROBOTS ?=
 robots: $(VENV)/dev.stamp ## public URDFs: loaded, against RNEA, converted, compared
 	$(BIN)/python benchmarks/public_robots.py $(addprefix --folder ,$(ROBOTS))
 
-speed: $(VENV)/bench.stamp ## measure the table of speeds and put it into README.md
+speed: $(VENV)/bench.stamp ## measure the table of speeds and put it into docs/speed.md
 	$(BIN)/python benchmarks/readme.py
 
 fuzz: $(VENV)/dev.stamp ## 2,000 broken URDFs, specs and modules; EXAMPLES cases of other properties (300)

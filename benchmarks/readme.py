@@ -1,4 +1,4 @@
-"""Measures the table of speeds and puts it into README.md, word for word as it was printed.
+"""Measures the table of speeds and puts it into docs/speed.md, word for word as it was printed.
 
 python benchmarks/readme.py [SCRIPT…]
 """
@@ -32,12 +32,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scripts", nargs="*", default=SCRIPTS, help="instead of the usual ones")
     parts = [measured(script) for script in parser.parse_args().scripts]
-    readme = FOLDER.parent / "README.md"
+    readme = FOLDER.parent / "docs" / "speed.md"
     text = readme.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
     _, found, after = rest.partition(END)
     if not found:
-        sys.exit(f"README.md has no {BEGIN} … {END}")
+        sys.exit(f"docs/speed.md has no {BEGIN} … {END}")
     table = "\n\n".join(parts)
     readme.write_text(f"{before}{BEGIN}\n```\n{table}\n```\n{END}{after}", encoding="utf-8")
 

@@ -14,6 +14,7 @@ from snakegen.spec.loading import presets
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+OVERVIEW = (ROOT / "docs" / "overview.md").read_text(encoding="utf-8")
 COMMAND = re.compile(r"^\$ (snakegen .*?)(?:\s+# exit (\d))?$", re.M)
 
 
@@ -37,7 +38,7 @@ def words(text: str) -> str:
 
 def table(first: str) -> set[str]:
     """Returns the names in the first column of the table whose header begins with `first`."""
-    body = README.split(f"| {first}")[1].split("\n\n")[0]
+    body = (README + OVERVIEW).split(f"| {first}")[1].split("\n\n")[0]
     return set(re.findall(r"^\| `([\w-]+)` \|", body, re.M))
 
 
@@ -49,8 +50,8 @@ def test_every_command_runs(tmp_path: Path) -> None:
         shell = line.replace("snakegen", f"{shlex.quote(sys.executable)} -m snakegen", 1)
         ran = subprocess.run(shell, shell=True, capture_output=True, text=True, cwd=tmp_path)
         assert ran.returncode == expected, f"{line}\n{ran.stdout}{ran.stderr}"
-        if shown and expected == 0:
-            assert words(ran.stdout) == words(shown), line
+        if shown and expected == 0:  # a report goes on
+            assert words(ran.stdout).startswith(words(shown)), line
 
 
 def test_the_refusal_is_the_printed_one(tmp_path: Path) -> None:
@@ -76,14 +77,13 @@ def test_tables_are_complete(first: str, names) -> None:
     assert table(first) == names()
 
 
-def test_links_and_pictures_exist() -> None:
-    """Every relative link of the README and of docs/ leads somewhere; pictures are small."""
-    for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
-        for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
-            if "://" not in target:
-                path = page.parent / target
-                assert path.exists(), f"{page.name}: {target}"
-                assert path.suffix != ".png" or path.stat().st_size < 300_000
+def test_links_exist_and_pictures_are_small() -> None:
+    """Every relative link of the README leads somewhere (docs/: see test_docs)."""
+    for target in re.findall(r"\]\(([^)#]+)\)", README):
+        if "://" not in target:
+            assert (ROOT / target).exists(), target
+    for picture in (ROOT / "docs").rglob("*.png"):
+        assert picture.stat().st_size < 300_000, picture
 
 
 def test_the_python_example_runs(tmp_path: Path) -> None:
