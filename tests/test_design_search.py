@@ -252,3 +252,10 @@ def test_least_power_is_what_equal_rotors_draw_and_less_than_uneven_shares():
     powers = (c * shares**1.5).sum(axis=1)
     assert least <= powers.min() <= 1.05 * least
     assert least_power(weight, sizes[:2]) == pytest.approx(2 * c[0] * (weight / 2) ** 1.5)
+
+
+def test_no_time_at_all_is_one_line(tmp_path):
+    study = tmp_path / "small.yaml"
+    study.write_text(yaml.safe_dump(SMALL))
+    with pytest.raises(StudyError, match="more minutes"):
+        run.run_study(study, tmp_path / "out", processes=1, minutes=1e-6)

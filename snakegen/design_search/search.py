@@ -191,6 +191,8 @@ def nondominated(
 def _why_empty(scorer: Scorer) -> str:
     """Returns why no design is feasible: two constraints that conflict, or the nearest design."""
     name, scores = scorer.problem.study.name, list(scorer.known.values())
+    if not scores:
+        return f"{name}: the time was over before a design was scored; give it more minutes."
     asked = sorted({n for s in scores for n in s.violated})
     alone = [n for n in asked if any(n not in s.violated for s in scores)]
     for i, a in enumerate(alone):
