@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from snakegen.base.geometry import rotation_from_rpy
-from snakegen.control import dual_allocation, vectored_allocation
+from snakegen.control import dual_allocation, pose, vectored_allocation
+from snakegen.control.gains import Gains
 from snakegen.kernels.allocation import box_allocation as box_kernel
 from snakegen.kernels.allocation import dual_rotor, fully_actuated, mode_blending, underactuated
 from snakegen.kernels.allocation import gimbals as gimbal_kernel
 from snakegen.kernels.allocation import wrench_map as map_kernel
+from snakegen.kernels.control import pose_law
 from snakegen.kernels.dynamics import torque_terms as torque_kernel
 from snakegen.kernels.dynamics.joint_loads import no_loads
 from snakegen.kernels.kinematics import chain, jacobians
@@ -153,6 +155,28 @@ def test_vectored_allocation() -> None:
         same(plain[:3], kernel[:3], 1e-6)
         made = vectored_allocation.wrench_of(m, plain[0], plain[1])
         assert np.linalg.norm(made - wrench) < 1e-6
+
+
+def test_pose_law() -> None:
+    rng = np.random.default_rng(29)
+    for k in range(10):
+        table, mass = rng.uniform(0.5, 3.0, (6, 3)), rng.uniform(1.0, 9.0)
+        gains = Gains(*table)
+        e, rate, integral, ahead = rng.normal(size=(4, 3))
+        force, torque, error = np.empty(3), np.empty(3), np.empty(3)
+        still = np.zeros(3)
+        pose_law.desired_force_into(
+            mass, still, still, integral, e, rate, ahead, table[:3], 9.81, force
+        )
+        same(pose.desired_force(gains, mass, e, rate, integral, ahead), force)
+        now, there = (rotation_from_rpy(rng.normal(size=3)) for _ in range(2))
+        pose_law.attitude_error_into(now, there, error)
+        same(pose.attitude_error(now, there), error)
+        inertia = np.diag(rng.uniform(0.1, 1.0, 3)) + 0.02
+        given = (now, e, integral, there, rate, table[3:], k % 2)
+        pose_law.desired_torque_into(inertia, *given, torque)
+        plain = pose.desired_torque(gains, inertia, now, there, e, rate, integral, bool(k % 2))
+        same(plain, torque)
 
 
 def test_box_allocation() -> None:

@@ -1,18 +1,20 @@
-"""Pose control on plain arrays: the wrench that brings the CoG frame to its target (eqs 15-19)."""
+"""Pose control on plain arrays: the wrench that brings the CoG frame to its target (eqs 15-19).
+
+The readable twin of `kernels/control/pose_law.py`, which flies.
+"""
 
 from typing import Any
 
 import numpy as np
 
+from snakegen.base.geometry import unskew
 from snakegen.control.gains import Floats, Gains
-from snakegen.kernels.control import pose_law
 
 
 def attitude_error(rotation: Any, wanted: Any) -> Floats:
     """Returns ``e_R = ½ (RᵀR_des - R_desᵀR)^∨`` (3,) in the axes of `rotation` (ZN23 eq 18)."""
-    error = np.empty(3)
-    pose_law.attitude_error_into(_matrix(rotation), _matrix(wanted), error)
-    return error
+    now, there = _matrix(rotation), _matrix(wanted)
+    return unskew(now.T @ there)  # of the skew part: the half is in it
 
 
 def desired_force(
@@ -37,22 +39,9 @@ def desired_force(
         acceleration: (3,) m/s², fed forward.
         gravity: m/s².
     """
-    still = np.zeros(3)
-    table = np.stack([gains.force_p, gains.force_i, gains.force_d])
-    force = np.empty(3)
-    pose_law.desired_force_into(
-        float(mass),
-        still,
-        still,
-        _vector(integral),
-        _vector(error),
-        _vector(rate),
-        _vector(acceleration),
-        table,
-        float(gravity),
-        force,
-    )
-    return force
+    e, rate, sum_, ahead = (_vector(x) for x in (error, rate, integral, acceleration))
+    pull = gains.force_p * e + gains.force_i * sum_ + gains.force_d * rate + ahead
+    return np.asarray(mass * (pull + np.array([0.0, 0.0, gravity])))
 
 
 def desired_torque(
@@ -76,20 +65,12 @@ def desired_torque(
         integral: (3,) rad s.
         gyroscopic: False drops the last term, as the print does.
     """
-    table = np.stack([gains.torque_p, gains.torque_i, gains.torque_d])
-    torque = np.empty(3)
-    pose_law.desired_torque_into(
-        _matrix(inertia),
-        _matrix(rotation),
-        _vector(angular),
-        _vector(integral),
-        _matrix(wanted),
-        _vector(wanted_angular),
-        table,
-        int(gyroscopic),
-        torque,
-    )
-    return torque
+    body, now, there, w = _matrix(inertia), _matrix(rotation), _matrix(wanted), _vector(angular)
+    rate = now.T @ there @ _vector(wanted_angular) - w  # e_ω = RᵀR_des ω_des - ω
+    turn = gains.torque_p * attitude_error(now, there)
+    turn = turn + gains.torque_i * _vector(integral) + gains.torque_d * rate
+    gyration = np.cross(w, body @ w) if gyroscopic else 0.0
+    return np.asarray(body @ turn + gyration)
 
 
 def _vector(value: Any) -> Floats:
