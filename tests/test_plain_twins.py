@@ -18,8 +18,10 @@ from snakegen.kernels.dynamics.joint_loads import no_loads
 from snakegen.kernels.kinematics import chain, jacobians
 from snakegen.kernels.margins import norms, ray_casting, vectored
 from snakegen.kernels.margins import zonotope as zonotope_kernel
+from snakegen.kernels.screw import constraints as screw_kernel
 from snakegen.robot import allocation_maps, box_allocation, gimbal_geometry, kinematics
 from snakegen.robot.robot import Robot, load
+from snakegen.screw_drive import no_slip
 from snakegen.statics import torque_terms
 from snakegen.statics.joint_torques import armature, segments
 from snakegen.wrench_margins import wrench_search
@@ -177,6 +179,18 @@ def test_pose_law() -> None:
         pose_law.desired_torque_into(inertia, *given, torque)
         plain = pose.desired_torque(gains, inertia, now, there, e, rate, integral, bool(k % 2))
         same(plain, torque)
+
+
+def test_no_slip_rows() -> None:
+    rng = np.random.default_rng(31)
+    for _ in range(20):
+        m, n = int(rng.integers(1, 7)), int(rng.integers(2, 6))
+        link = np.sort(rng.integers(0, m, n))
+        known = rng.normal(size=n), link, rng.uniform(0.0, 0.2, n), rng.uniform(0.1, 0.3, m)
+        w = rng.normal(size=m + 2)
+        same(no_slip.no_slip_rows(w, *known), screw_kernel.no_slip_rows(w, *known))
+        rows = screw_kernel.unit_rows(w[3:], *known, 0.2)
+        same(no_slip.unit_rows(w[3:], *known, 0.2), rows)
 
 
 def test_box_allocation() -> None:

@@ -12,6 +12,7 @@ from snakegen.errors import AnalysisError
 from snakegen.kernels.screw.constraints import follow
 from snakegen.screw_drive.ground_paths import Path, path_pieces
 from snakegen.screw_drive.kinematics import hara_chain
+from snakegen.screw_drive.no_slip import no_slip_rows
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ def constraint_matrices(
     state, angles = _checked(w, alpha, r, (L0, L1, L2))
     n = angles.size
     A = np.zeros((2 * n - 1, n + 2))
-    A[:n] = hara_chain(tuple(angles), r, L0, L1, L2).no_slip(state)
+    A[:n] = no_slip_rows(state, *hara_chain(tuple(angles), r, L0, L1, L2).arrays)
     A[n:, 3:] = np.eye(n - 1)
     return A, np.diag(np.concatenate([-r * np.sin(angles), np.ones(n - 1)]))
 
