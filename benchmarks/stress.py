@@ -126,6 +126,27 @@ def conversions(case: Case, kills: int) -> None:
     case.none_running()
 
 
+def converts(case: Case, kills: int) -> None:
+    """A killed conversion leaves the set of one robot or of the other, whole."""
+    sets, within = {}, 0.0
+    for links in ("3", "4"):
+        given = case.folder / f"in{links}"
+        made = ("build", "dragon4", "--links", links, "--no-picture", "-o", str(given))
+        case.took(*made)
+        words = ("convert", str(given / "dragon4.urdf"), "-o", "out")
+        within = max(within, case.took(*words))
+        sets[links] = contents(case.folder / "out")
+    case.hold(sets["3"] != sets["4"], "both robots are the same")
+    for i in range(kills):
+        given = case.folder / f"in{'34'[i % 2]}" / "dragon4.urdf"
+        case.killed("convert", str(given), "-o", "out", within=1.1 * within)
+        case.hold(contents(case.folder / "out") in sets.values(), f"kill {i}: a mixed folder")
+    case.took(*words)
+    left = {p.name for p in case.folder.iterdir()} - {"out", "in3", "in4"}
+    case.hold(not left, f"left: {left}")
+    case.none_running()
+
+
 def sweeps(case: Case, kills: int) -> None:
     """Three kills and resumes, over and over, give the columns of the undisturbed sweep."""
     import pyarrow.parquet as pq

@@ -13,6 +13,7 @@ import pytest
 import snakegen
 from snakegen.analysis.allocation import allocation
 from snakegen.base.geometry import wxyz_from_xyzw
+from snakegen.description.mjcf import decorate
 from snakegen.errors import SnakegenError
 from snakegen.pipeline import build
 from snakegen.pipeline.equivalence import BOUND, compare
@@ -141,10 +142,10 @@ def test_half_way_leaves_the_old(
     snakegen.build("dragon4", target, picture=False)
     before = _files(target)
 
-    def stop(*_: Any) -> None:
+    def stop(*_: Any, **__: Any) -> None:
         raise failure
 
-    monkeypatch.setattr(build, "_write_mjcf", stop)
+    monkeypatch.setattr(decorate, "decorate", stop)  # the URDF is written, the MJCF is not
     expected = SnakegenError if isinstance(failure, OSError) else KeyboardInterrupt
     with pytest.raises(expected) as caught:
         snakegen.build(load_spec("dragon4", links=2), target, picture=False)

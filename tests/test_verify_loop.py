@@ -14,12 +14,11 @@ from snakegen.description.mjcf.decorate import lowest_point
 from snakegen.errors import MissionError
 from snakegen.kernels.control.types import Measured, Target
 from snakegen.log import read, write
-from snakegen.simulation.flight import loop
 from snakegen.simulation.flight.loop import STRETCH, fly, rotation_of
 from snakegen.simulation.flight.plan import Failure
 from snakegen.simulation.flight.plant import Imperfections, draw
 from snakegen.simulation.flight.run import prepare, run
-from snakegen.simulation.flight.world import make_world
+from snakegen.simulation.flight.world import World, make_world
 from snakegen.simulation.missions import planned
 from snakegen.simulation.recording.clearance import clearances
 from snakegen.simulation.recording.record import record
@@ -200,16 +199,16 @@ def test_a_tumbling_hybrid_is_named_and_its_free_wheels_may_spin(monkeypatch):
     robot = snakegen.load("hybrid4")
     world = make_world(robot)
     spun = world.model.joint("wheel3_2_2").dofadr[0]
-    start = loop._Run._start_rotors
+    placed = World.set_state
 
-    def spinning(self):
-        start(self)
-        self.data.qvel[spun] = -80.0
+    def spinning(self, data, q, v=None):
+        placed(self, data, q, v)
+        data.qvel[spun] = -80.0
 
     plan = planned("hover", robot, duration=0.1)
     push = np.zeros((20, 6))
     push[10:, 4] = 1e5
-    monkeypatch.setattr(loop._Run, "_start_rotors", spinning)
+    monkeypatch.setattr(World, "set_state", spinning)
     assert flight(robot, world, plan).stopped == ""
     tumbled = flight(robot, world, replace(plan, disturbance=push)).stopped
     assert "diverged at 0.05 s: " in tumbled and "wheel" not in tumbled
