@@ -6,6 +6,8 @@ OUT      := out/demo
 PRESETS  := $(notdir $(basename $(wildcard templates/presets/*.yaml)))
 EXAMPLES ?= 300
 KILLS    ?= 50
+# Whole files go to two workers, in the order of tests/conftest.py: the longest first.
+SPREAD   := -n 2 --dist loadfile --no-loadscope-reorder
 
 # The first interpreter that runs and is new enough; PYTHON=/path/to/python3.12 overrides.
 NEW_ENOUGH := import sys; sys.exit(sys.version_info < (3, 11))
@@ -13,7 +15,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c "$(NEW_ENOUGH)" 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help plans demo test interpreted processors check format generated docs bench studies stress robots speed fuzz wheel clean
+.PHONY: help plans demo test quick interpreted processors check format generated docs bench studies stress robots speed fuzz wheel clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*##' $(firstword $(MAKEFILE_LIST)) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -53,7 +55,10 @@ test: $(VENV)/dev.stamp ## run the tests
 	@{ $(BIN)/snakegen analyze flight dragon4 --mission push --option slow=1 -o $(OUT)/kernels.rrd & \
 		$(BIN)/snakegen analyze sweep dragon4 --samples 50 -o $(OUT)/kernels.parquet; \
 		for r in arm6 screw4; do $(BIN)/snakegen analyze $$r --json; done; wait; } > $(OUT)/kernels.txt 2>&1 || true
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
+	$(BIN)/python -m pytest $(SPREAD) -m "not slow"
+
+quick: $(VENV)/dev.stamp ## run the tests that fly no whole mission
+	$(BIN)/python -m pytest $(SPREAD) -m "not slow and not flight"
 
 # What is the same on every processor (docs/architecture.md), tried with the BLAS kernels of an old one
 # and with kernels compiled for a generic one, which takes minutes the first time.
@@ -70,7 +75,7 @@ interpreted: $(VENV)/dev.stamp ## run the kernels' tests without compiling
 
 processors: interpreted ## run numerical tests as two other processors would
 	OPENBLAS_CORETYPE=Nehalem NPY_DISABLE_CPU_FEATURES="$(NEWER)" \
-		$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not slow" $(NUMERICAL)
+		$(BIN)/python -m pytest -q $(SPREAD) -m "not slow" $(NUMERICAL)
 	NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
 		$(BIN)/python -m pytest -q -n 2 --dist load -m "not slow" tests/test_generated.py
 
