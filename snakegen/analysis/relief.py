@@ -15,7 +15,15 @@ from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
 from snakegen.robot.robot import Robot
 from snakegen.statics.joint_torques import Wrenches, finite, joint_torques
-from snakegen.statics.thrust_relief import Relieved, ThrustMap, least_use, thrust_map, tip_force
+from snakegen.statics.thrust_relief import (
+    Relieved,
+    ThrustMap,
+    force_set,
+    inner_ball,
+    least_use,
+    thrust_map,
+    tip_force,
+)
 from snakegen.statics.tip import find_tip, tip_pose
 
 COMMAND = "relief"
@@ -34,6 +42,10 @@ class ReliefResult:
         relieved: forces that make the highest share of servo torque least.
         along: by direction, the tip force of servos and thrust together.
         alone: by direction, the tip force of the servos alone [N].
+        corners: (c, 3) N, forces at the tip that servos and thrust bear together, world axes:
+            their hull lies within the set of all; those along directions without a limit end at
+            100 times the largest of the others. None where the posture itself is not borne.
+        radius: N, borne in every direction: of the largest ball about 0 in that hull; nan: none.
         apparatuses: their names, with their links.
     """
 
@@ -42,6 +54,8 @@ class ReliefResult:
     relieved: Relieved
     along: dict[str, Relieved]
     alone: dict[str, float]
+    corners: Floats
+    radius: float
     apparatuses: tuple[str, ...]
 
     @property
@@ -69,6 +83,8 @@ class ReliefResult:
         for name, both in self.along.items():
             alone = _newtons(self.alone[name])
             out.append((f"tip force {name}", f"{_newtons(both.value)}, servos alone {alone}"))
+        every = f"{_newtons(self.radius)} at least, of {len(self.corners)} corners' hull"
+        out.append(("tip force, every direction", every))
         return out
 
     def to_json(self) -> dict[str, Any]:
@@ -85,6 +101,8 @@ class ReliefResult:
             "tip_force_N": {k: v.value for k, v in self.along.items()},
             "tip_force_bound_N": {k: v.bound for k, v in self.along.items()},
             "tip_force_servos_alone_N": self.alone,
+            "tip_force_corners_N": self.corners.tolist(),
+            "tip_force_every_direction_N": None if np.isnan(self.radius) else self.radius,
         }
 
 
@@ -127,6 +145,8 @@ def analyze(
     J = tip_pose(robot, q, find_tip(robot)).jacobian[:3, index]
     ways = dict(zip(_AXES, np.kron(np.eye(3), np.array([[1.0], [-1.0]])), strict=True))
     along = {name: tip_force(thrust, load, J.T @ u) for name, u in ways.items()}
+    corners = force_set(thrust, load, J)
     alone = {name: tip_force(none, load, J.T @ u).value for name, u in ways.items()}
     names = robot.apparatus_names
-    return ReliefResult(load, thrust, least_use(thrust, load), along, alone, names)
+    best, radius = least_use(thrust, load), inner_ball(corners)
+    return ReliefResult(load, thrust, best, along, alone, corners, radius, names)

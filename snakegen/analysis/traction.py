@@ -19,6 +19,7 @@ from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
 from snakegen.robot.robot import GRAVITY, Robot
 from snakegen.screw_drive.ground_stance import Stance, stance
+from snakegen.screw_drive.load_sharing import resting_loads
 from snakegen.screw_drive.traction_limits import (
     SIDES,
     STEEPEST,
@@ -28,7 +29,6 @@ from snakegen.screw_drive.traction_limits import (
     largest_pull,
     steepest_slope,
 )
-from snakegen.screw_drive.traction_program import resting_loads
 
 COMMAND = "traction"
 EXAMPLE = "screw4 --friction 0.2,0.8 --joint joint1_yaw=0.5"

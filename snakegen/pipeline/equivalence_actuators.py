@@ -60,6 +60,18 @@ class Actuation:
         ball = mujoco.mjtJoint.mjJNT_BALL
         return screw.rollers == "ball" and joint >= 0 and self.model.jnt_type[joint] == ball
 
+    @cached_property
+    def wheels(self) -> tuple[str, ...]:
+        """Names of the hinges of drums' passive wheels."""
+        drums = enumerate(self.robot.modules.screws, 1)
+        return tuple(
+            f"wheel{i}_{b + 1}_{w + 1}"
+            for i, s in drums
+            if not self.on_ball(s)
+            for b in range(s.blades)
+            for w in range(s.wheels_per_blade)
+        )
+
     def ids(self, names: Any) -> list[int]:
         """Returns the actuators of these names."""
         return [self.model.actuator(n).id for n in names]
@@ -209,6 +221,12 @@ def joint_limits(robot: Robot, names: Any) -> Floats:
     return np.column_stack([np.where(free, -np.inf, low), np.where(free, np.inf, high)])
 
 
+def wheel_drag(at: Actuation) -> float:
+    """Returns the dry friction of a drum's wheel about its axle [N m], as `plant.losses` has it."""
+    modules = at.robot.modules
+    return modules.losses.drag(at.robot.mass, len(modules.screws))
+
+
 def _joint_constants(at: Actuation) -> Iterator[Pairs]:
     model, pin, names = at.model, at.robot.model, list(at.joints)
     rows = [model.joint(n).id for n in names]
@@ -222,6 +240,8 @@ def _joint_constants(at: Actuation) -> Iterator[Pairs]:
     yield pairs("joint torque range", held, ("lower [N m]", "upper [N m]"), free, clip)
     friction = dict(zip(names, at.of_joints(pin.friction), strict=True))
     friction |= {s.joint: s.friction for s in at.servos}
+    for name in at.wheels:
+        friction[name] += wheel_drag(at)
     for quantity, unit, declared, values in (
         ("armature", "[kg m²]", at.of_joints(pin.armature), model.dof_armature),
         ("joint damping", "[N m s/rad]", at.of_joints(pin.damping), model.dof_damping),

@@ -8,7 +8,7 @@ import numpy as np
 
 from snakegen.base.geometry import Floats, rotation_from_xyzw, xyzw_from_wxyz
 from snakegen.description.mjcf.rolling_contact import GROUND_BIT
-from snakegen.pipeline.equivalence_actuators import Actuation
+from snakegen.pipeline.equivalence_actuators import Actuation, wheel_drag
 from snakegen.pipeline.equivalence_pairs import Pairs, pairs
 from snakegen.robot.modules import Caster, Screw
 from snakegen.spec.wheel_layout import WheelLayout, wheel_layout
@@ -41,21 +41,21 @@ def contacts(at: Actuation, rollers: str | None) -> Iterator[Pairs]:
 
 
 def _drum(at: Actuation, number: int, screw: Screw, rollers: str) -> Iterator[Pairs]:
-    arm = at.robot.modules.losses.arm
-    condim = 6 if arm > 0.0 else 3
-    friction = (screw.friction, 0.0, arm)
+    friction = (screw.friction, 0.0, 0.0)
     if at.on_ball(screw):
-        friction = (screw.friction, 0.0, arm * screw.radius / screw.wheel_radius)
-        row = _row(_GEOM.mjGEOM_SPHERE, (screw.radius,), np.zeros(3), friction, condim)
+        row = _row(_GEOM.mjGEOM_SPHERE, (screw.radius,), np.zeros(3), friction, 3)
         yield from _compared(at, screw.joint, [row])
         joint = at.model.joint(screw.joint)
         found = at.model.dof_armature[joint.dofadr[0] : joint.dofadr[0] + 3]
         yield pairs("armature", (screw.joint,), tuple("xyz"), [screw.armature] * 3, found)
+        rubs = [wheel_drag(at) * screw.radius / screw.wheel_radius] * 3
+        found = at.model.dof_frictionloss[joint.dofadr[0] : joint.dofadr[0] + 3]
+        yield pairs("joint friction", (screw.joint,), tuple("xyz"), rubs, found)
         return
     layout = wheel_layout(
         screw.alpha, screw.radius, screw.blades, screw.wheels_per_blade, rollers, screw.wheel_radius
     )
-    row = _row(_SHAPES[rollers], _size(rollers, layout), np.zeros(3), friction, condim)
+    row = _row(_SHAPES[rollers], _size(rollers, layout), np.zeros(3), friction, 3)
     for blade, wheel in zip(layout.blade, layout.wheel, strict=True):
         yield from _compared(at, f"wheel{number + 1}_{blade}_{wheel}", [row])
 

@@ -4,6 +4,8 @@ from dataclasses import dataclass, fields
 
 from snakegen.errors import SpecError, near
 
+GRAVITY = 9.81  # m/s²
+
 
 @dataclass(frozen=True)
 class Losses:
@@ -20,6 +22,10 @@ class Losses:
     def arm(self) -> float:
         """Moment that holds a loaded wheel from rolling, over its load [m]."""
         return self.rolling + self.bearing
+
+    def drag(self, mass: float, drums: int) -> float:
+        """Returns the dry friction of a wheel [N m] that carries its drum's share of the weight."""
+        return self.arm * mass * GRAVITY / drums
 
     @staticmethod
     def of(values: dict[str, float]) -> "Losses":

@@ -51,6 +51,7 @@ class Stance:
         gravity: (6 + m, 3) generalized force of a gravity vector [m/s²].
         across: (k, 6 + m) velocity of the touching wheel's centre across its axle.
         rolling: force that holds a wheel from rolling, over its load.
+        play: rad, of the servos' joints, from stop to stop.
         gap: (k,) m over the plane before joints yield.
     """
 
@@ -66,6 +67,7 @@ class Stance:
     gravity: Floats
     across: Floats
     rolling: float
+    play: float
     gap: Floats
 
     @property
@@ -114,6 +116,7 @@ def stance(robot: Robot, q: Floats, compliance: float = COMPLIANCE) -> Stance:
         _gravity(robot, rotation, angles, joints),
         np.array([_UP @ np.cross(c.axle, row.T).T for c, row in zip(points, centres, strict=True)]),
         robot.modules.losses.arm / wheel,
+        robot.modules.losses.play,
         np.array([c.point[2] - low for c in points]),
     )
 

@@ -1,29 +1,36 @@
 """Largest load that a body of drums holds on a plane: linear programs over its contact forces.
 
 A drum i carries a normal force ``N_i ≥ 0``, a force F_i along its wheels' axles and a force G_i
-across them, which rolling and bearing friction hold: ``(F_i / μ)² + (G_i / c)² ≤ N_i²``, as a
-polygon inside it (the figure) or round it (the bound). A caster's ball carries a normal force. With
-generalized coordinates [base twist; held joints]:
+across them, which rolling and bearing friction hold: ``F_i² + G_i² ≤ (μ N_i)²`` and
+``|G_i| ≤ c N_i``, as polygons round it (the bound); the figure keeps to the ellipse inside,
+``(F_i / μ)² + (G_i / c)² ≤ N_i²``. A caster's ball carries a normal force. With generalized
+coordinates [base twist; held joints]:
 
     J_nᵀ N + J_aᵀ F + J_cᵀ G + w₀ + t w₁ = [0; -τ],   |τ_j| ≤ effort of servo or motor
 
 The largest t over all N and F is an upper bound (any sharing of the load by the contacts). The
-lower bound, the figure, has the normal forces that servos and contacts share by their compliance:
-``K δ = (J_aᵀ F + J_cᵀ G + J_nᵀ N + w)_δ``, ``J_n [ξ; δ] + ε N = -gap``; a contact whose force
-would become negative has lifted and carries no more. Both optima are certified by weak duality.
+lower bound, the figure, has the normal forces that servos, their play and contacts share by their
+compliance (`load_sharing`). Both optima are certified by weak duality.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from snakegen.base.geometry import Floats
 from snakegen.screw_drive.ground_stance import COMPLIANCE, Stance
+from snakegen.screw_drive.load_sharing import (
+    Mask,
+    Sharing,
+    Stops,
+    at_rest,
+    moved_stop,
+    sharing,
+)
 
-Mask = NDArray[np.bool_]
-_UPRIGHT = (2, 3, 4)  # z, roll, pitch of the base twist: what normal forces hold
+_Shared = tuple[Mask, Stops, float]  # contacts that carry, joints' stops, compliance
+_ROUNDS = 12  # programs, until joints rest on the stops supposed
 _SIDES = 32  # of the polygons
 _ACTIVE = 1e-7  # share of its scale at which a constraint counts as active
 
@@ -55,7 +62,8 @@ def held_load(
 ) -> HeldLoad:
     """Returns the largest t of ``fixed + t rising`` with loads shared by compliance.
 
-    Contacts that lift are dropped one after the other as long as that holds more.
+    Contacts that lift are dropped one after the other as long as that holds more. Where joints have
+    play, the lesser of what is held with it and without: which stops they rest on is not unique.
 
     Args:
         body: at rest on the plane.
@@ -63,62 +71,58 @@ def held_load(
         friction: μ; inf: wheels that cannot slip.
         compliance: m/N of a contact.
     """
-    active = _carrying(body, fixed, compliance)
-    best = _solve(body, fixed, rising, friction, active, compliance)
+    if body.play > 0.0:
+        tight = replace(body, play=0.0)
+        both = [_held(b, fixed, rising, friction, compliance) for b in (body, tight)]
+        return min(both, key=lambda one: np.nan_to_num(one.factor, nan=-np.inf))
+    return _held(body, fixed, rising, friction, compliance)
+
+
+def _held(
+    body: Stance, fixed: Floats, rising: Floats, friction: float, compliance: float
+) -> HeldLoad:
+    """Returns the largest t of `held_load` for joints with this play."""
+    active, stops = at_rest(body, fixed, compliance)
+    best = _settled(body, fixed, rising, friction, (active, stops, compliance))
     while np.isfinite(best.factor):
         lifted = active & (best.normal <= _ACTIVE * max(1.0, float(best.normal.max())))
         if not lifted.any() or (active & ~lifted).sum() < 3:
             break
         active = active & ~lifted
-        more = _solve(body, fixed, rising, friction, active, compliance)
+        more = _settled(body, fixed, rising, friction, (active, stops, compliance))
         if not more.factor > best.factor * (1 + 1e-6):
             break
         best = more
     return best
 
 
+def _settled(
+    body: Stance, fixed: Floats, rising: Floats, friction: float, shared: _Shared
+) -> HeldLoad:
+    """Solves programs until the joints rest on the stops that each supposes.
+
+    Where none agrees with itself, the least of those tried is the figure.
+    """
+    active, stops, compliance = shared
+    tried: list[HeldLoad] = []
+    for _ in range(_ROUNDS):
+        share = sharing(body, active, stops, compliance)
+        now = _solve(body, fixed, rising, friction, active, share)
+        tried.append(now)
+        if not np.isfinite(now.factor):
+            break
+        tangent = np.concatenate([now.along[body.drums], now.across[body.drums]])
+        moved = moved_stop(body, stops, share.bends(fixed + now.factor * rising, tangent))
+        if moved is None:
+            return now
+        stops = moved
+    held = [one for one in tried if np.isfinite(one.factor)]
+    return min(held, key=lambda one: one.factor) if held else tried[-1]
+
+
 def upper_bound(body: Stance, fixed: Floats, rising: Floats, friction: float) -> HeldLoad:
     """Returns the largest t for any sharing of the load by the contacts: none holds more."""
     return _solve(body, fixed, rising, friction, np.ones(len(body.contacts), bool), None)
-
-
-def resting_loads(body: Stance, load: Floats, compliance: float = COMPLIANCE) -> Floats:
-    """Returns the normal forces (k,) [N] under a generalized load, without tangential forces."""
-    active = _carrying(body, load, compliance)
-    out = np.zeros(len(body.contacts))
-    constant, by_load, _ = _sharing(body, active, compliance)
-    out[active] = constant + by_load @ load
-    return out
-
-
-def _sharing(body: Stance, active: Mask, compliance: float) -> tuple[Floats, Floats, Floats]:
-    """Returns N of the active contacts as ``constant + by_load w + by_tangent [F; G]``."""
-    soft = np.flatnonzero(np.isfinite(body.stiffness))
-    index = np.concatenate([_UPRIGHT, 6 + soft])
-    J, many = body.normal[np.ix_(active, index)], int(active.sum())
-    K = np.zeros((len(index), len(index)))
-    K[3:, 3:] = np.diag(body.stiffness[soft])
-    left = np.block([[K, -J.T], [J, compliance * np.eye(many)]])
-    select = np.eye(body.normal.shape[1])[index]
-    right = np.zeros((len(left), 1 + select.shape[1]))
-    right[len(index) :, 0] = -body.gap[active]
-    right[: len(index), 1:] = select
-    found = np.linalg.lstsq(left, right, rcond=1e-13)[0][len(index) :]
-    by_load = found[:, 1:]
-    tangents = np.vstack([body.along[body.drums], body.across[body.drums]])
-    return found[:, 0], by_load, by_load @ tangents.T
-
-
-def _carrying(body: Stance, load: Floats, compliance: float) -> Mask:
-    """Returns which contacts carry at rest: those that would pull are dropped, one at a time."""
-    active = np.ones(len(body.contacts), bool)
-    while active.sum() > 1:
-        constant, by_load, _ = _sharing(body, active, compliance)
-        force = constant + by_load @ load
-        if force.min() >= -1e-9 * max(1.0, float(force.max())):
-            break
-        active[np.flatnonzero(active)[int(force.argmin())]] = False
-    return active
 
 
 def _solve(
@@ -127,7 +131,7 @@ def _solve(
     rising: Floats,
     friction: float,
     active: Mask,
-    compliance: float | None,
+    share: Sharing | None,
 ) -> HeldLoad:
     """Solves one program in [F and G of the drums; N of the active contacts; t]."""
     drums = np.flatnonzero(body.drums)
@@ -138,15 +142,16 @@ def _solve(
     forces = np.hstack([body.along[drums].T, sideways, body.normal[carrying].T])
     equal = [np.hstack([forces[:6], rising[:6, None]])]
     value = [-fixed[:6]]
-    if compliance is not None:
-        constant, by_load, by_tangent = _sharing(body, active, compliance)
+    if share is not None:
+        by_load = share.force[:, 1:]
+        by_tangent = by_load @ share.tangents
         equal.append(np.hstack([-by_tangent, np.eye(k), -(by_load @ rising)[:, None]]))
-        value.append(constant + by_load @ fixed)
+        value.append(share.loads(fixed))
     rows, most, names = [], [], []
     for i, drum in enumerate(drums):
         where = np.flatnonzero(carrying == drum)
         limited = np.isfinite(friction) or not where.size
-        for f, g, h in _cone(friction, body.rolling if slack else 0.0, compliance is not None):
+        for f, g, h in _cone(friction, body.rolling if slack else 0.0, share is not None):
             row = np.zeros(2 * n + k + 1)
             row[i], row[n + i] = f, g
             if where.size:
@@ -192,10 +197,14 @@ def _cone(friction: float, rolling: float, inside: bool) -> list[tuple[float, fl
     Args:
         friction: μ; inf gives the rows that hold a drum in the air.
         rolling: c; 0: wheels that roll freely.
-        inside: a polygon inside the ellipse, its corners on the axes, else one round it.
+        inside: a polygon inside the ellipse of both, its corners on the axes, else one round
+            circle and strip.
     """
     if not rolling:
         return [(1.0, 0.0, friction), (-1.0, 0.0, friction)]
     angle = 2.0 * np.pi / _SIDES * (np.arange(_SIDES) + 0.5)
-    size = friction * (np.cos(np.pi / _SIDES) if inside else 1.0)
-    return [(float(np.cos(a)), float(np.sin(a)) * friction / rolling, float(size)) for a in angle]
+    if inside:
+        size = float(friction * np.cos(np.pi / _SIDES))
+        return [(np.cos(a), np.sin(a) * friction / rolling, size) for a in angle]
+    circle = [(float(np.cos(a)), float(np.sin(a)), friction) for a in angle]
+    return [*circle, (0.0, 1.0, rolling), (0.0, -1.0, rolling)]

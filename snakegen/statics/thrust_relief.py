@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linprog, minimize
+from scipy.spatial import ConvexHull
 
 from snakegen.base.geometry import Floats
 from snakegen.robot.allocation_maps import mean_drag
@@ -123,7 +124,7 @@ def _least_forces(thrust: ThrustMap, share: Floats, wanted: Floats, forces: Floa
     return better if found.success and reached <= best + 1e-6 else forces
 
 
-def tip_force(thrust: ThrustMap, load: Floats, pull: Floats) -> Relieved:
+def tip_force(thrust: ThrustMap, load: Floats, pull: Floats, close: float = _CLOSE) -> Relieved:
     """Returns the largest force at the tip along a direction that thrust and servos bear.
 
     ``max s`` with ``|load - s Jᵀ_tip u - Jᵀ f| ≤ τ_max``. A value of nan: not even s = 0.
@@ -132,6 +133,7 @@ def tip_force(thrust: ThrustMap, load: Floats, pull: Floats) -> Relieved:
         thrust: from `thrust_map`.
         load: (k,) N m that the joints bear without thrust and tip force.
         pull: (k,) N m per newton at the tip along the direction: ``Jᵀ_tip u``.
+        close: share of a thrust limit by which the outer program may exceed it.
     """
     size = thrust.relief.shape[1]
     both = np.hstack([thrust.relief, pull[:, None]])
@@ -139,7 +141,7 @@ def tip_force(thrust: ThrustMap, load: Floats, pull: Floats) -> Relieved:
     right = np.concatenate([load + thrust.effort, thrust.effort - load])
     cost = np.zeros(size + 1)
     cost[-1] = -1.0
-    x = _within_balls(thrust, cost, rows, right, (0.0, None))
+    x = _within_balls(thrust, cost, rows, right, (0.0, None), close)
     nothing = np.zeros((len(thrust.limit), 3))
     if x is None:
         return Relieved(float("nan"), float("nan"), nothing)
@@ -153,8 +155,43 @@ def tip_force(thrust: ThrustMap, load: Floats, pull: Floats) -> Relieved:
     return Relieved(min(value, float(x[-1])), float(x[-1]), forces)
 
 
+def force_set(thrust: ThrustMap, load: Floats, jacobian: Floats) -> Floats:
+    """Returns forces (c, 3) [N] at the tip that are borne, along axes, edges and corners of a cube.
+
+    The set of all is convex and holds their hull. A direction without a limit gives a force of 100
+    times the largest of the others. Empty where not even no force is borne.
+
+    Args:
+        thrust: from `thrust_map`.
+        load: (k,) N m that the joints bear without thrust and tip force.
+        jacobian: (3, k) of the tip.
+    """
+    grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    ways = grid[np.any(grid != 0.0, axis=1)]
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    size = np.array([tip_force(thrust, load, jacobian.T @ u, 1e-3).value for u in ways])
+    if not (size >= 0.0).all():
+        return np.zeros((0, 3))
+    finite = size[np.isfinite(size)]
+    most = 100.0 * float(finite.max(initial=1.0))
+    return np.asarray(np.where(np.isfinite(size), size, most)[:, None] * ways)
+
+
+def inner_ball(corners: Floats) -> float:
+    """Returns the radius of the largest ball about 0 in the hull of corners (c, 3); nan: none."""
+    if len(corners) < 4 or np.linalg.matrix_rank(corners) < 3:
+        return 0.0 if len(corners) else float("nan")
+    ends = ConvexHull(corners).equations[:, 3]
+    return float(max(0.0, np.min(-ends)))
+
+
 def _within_balls(
-    thrust: ThrustMap, cost: Floats, rows: Floats, right: Floats, last: tuple[float, float | None]
+    thrust: ThrustMap,
+    cost: Floats,
+    rows: Floats,
+    right: Floats,
+    last: tuple[float, float | None],
+    close: float = _CLOSE,
 ) -> Floats | None:
     """Solves ``min cost·x``, ``rows x ≤ right`` with the forces in x within their balls.
 
@@ -173,7 +210,7 @@ def _within_balls(
         x = np.asarray(found.x)
         forces = x[:-1].reshape(-1, 3)
         size = np.linalg.norm(forces, axis=1)
-        out = np.flatnonzero(size > thrust.limit * (1.0 + _CLOSE))
+        out = np.flatnonzero(size > thrust.limit * (1.0 + close))
         if not len(out):
             return x
         more = np.zeros((len(out), len(cost)))

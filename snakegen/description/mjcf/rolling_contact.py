@@ -18,6 +18,8 @@ from snakegen.spec.wheel_layout import WheelLayout, wheel_layout
 HEAD = "control_point"  # site at P
 GROUND_BIT = 2  # contact bit of floors, ceilings and steps: rollers meet these and nothing else
 
+# A wheel of a few grams creeps at rad/s under MuJoCo's default friction of joints before it holds.
+_STICKS = [0.9999, 0.9999, 0.001, 0.5, 2.0]
 DRUM_BIT = 4  # contact bit of drums' envelopes: these meet one another
 
 
@@ -32,7 +34,7 @@ class ScrewContact:
     rollers: str = "ring_sphere"
     wheel_radius: float = 0.012
     friction: float = 0.8
-    arm: float = 0.0  # m, moment of rolling and bearing friction over a wheel's load
+    drag: float = 0.0  # N m, dry friction of a wheel about its axle: rolling and bearing
     # Beyond gain · timestep ≈ armature the solver, which does not see the servo's damping, takes
     # the drum for lighter than it is: at 20 N·m·s and 0.005 kg m² the balls slip 0.05 m/s.
     screw_gain: float = 10.0  # N·m·s/rad of the screw's velocity servo
@@ -88,7 +90,8 @@ def _strip(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
 def _roller(geom: mujoco.MjsGeom, contact: ScrewContact) -> None:
     """Gives a geom the friction and masks of a roller: it touches the ground and nothing else."""
     geom.contype, geom.conaffinity = 0, GROUND_BIT
-    geom.condim, geom.friction = friction_of(contact, geom.size[0])
+    geom.condim = 3
+    geom.friction = [contact.friction, 0.0, 0.0]
     geom.priority = 1
     # A tyre: at five time steps the load passes from wheel to wheel without lifting a unit off;
     # at two, the mean twist error over fifteen shapes and twists rises from 0.3 to 1.4 %.
@@ -98,18 +101,6 @@ def _roller(geom: mujoco.MjsGeom, contact: ScrewContact) -> None:
     geom.solimp = [0.9, 0.95, 0.001, 0.5, 2.0]
     geom.mass = 0.0
     geom.group = 3
-
-
-def friction_of(contact: ScrewContact, radius: float) -> tuple[int, list[float]]:
-    """Returns condim and MuJoCo's friction of a roller: sliding, torsional, rolling [m].
-
-    Rolling and bearing friction oppose rolling with ``arm`` times the load. It acts about every
-    axis in the ground's plane; what a bearing would leave free is an eighth of a wheel's turning.
-    A ball in place of a drum has the resistance of the drum's wheels: the arm grows as the radius.
-    """
-    if contact.arm == 0.0:
-        return 3, [contact.friction, 0.0, 0.0]
-    return 6, [contact.friction, 0.0, contact.arm * radius / contact.wheel_radius]
 
 
 def _wheels(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
@@ -127,6 +118,9 @@ def _wheels(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
         body = _body(spec, f"wheel{unit + 1}_{blade}_{wheel}")
         _strip(spec, body)
         _roller(body.add_geom(name=f"{body.name}_contact", type=kind, size=size), contact)
+        for joint in body.joints:
+            joint.frictionloss += contact.drag
+            joint.solimp_friction = _STICKS
     _drum(spec, _body(spec, f"screw{unit + 1}"), layout, contact)
 
 
@@ -159,7 +153,11 @@ def _ball(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
     _strip(spec, drum)
     for joint in list(drum.joints):
         spec.delete(joint)
-    drum.add_joint(name=drum.name, type=mujoco.mjtJoint.mjJNT_BALL, armature=contact.screw_armature)
+    joint = drum.add_joint(name=drum.name, type=mujoco.mjtJoint.mjJNT_BALL)
+    joint.armature = contact.screw_armature
+    # as much force as the drum's wheels need
+    joint.frictionloss = contact.drag * contact.radius / contact.wheel_radius
+    joint.solimp_friction = _STICKS
     sphere = mujoco.mjtGeom.mjGEOM_SPHERE
     _roller(
         drum.add_geom(name=f"{drum.name}_contact", type=sphere, size=[contact.radius, 0, 0]),
@@ -244,7 +242,7 @@ def decorate_drive(
     alike = {replace(screw, joint="", link="", alpha=0.0) for screw in screws}
     if len(alike) > 1:
         raise DescriptionError("drums must be alike but for their helix angles to drive together.")
-    one = screws[0]
+    one, mass = screws[0], sum(float(body.mass) for body in spec.bodies)
     contact = ScrewContact(
         tuple(screw.alpha for screw in screws),
         one.radius,
@@ -253,7 +251,7 @@ def decorate_drive(
         rollers or one.rollers,
         one.wheel_radius,
         one.friction,
-        modules.losses.arm,
+        modules.losses.drag(mass, len(screws)),
         one.gain,
         one.torque,
         one.armature,

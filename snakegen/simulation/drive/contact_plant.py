@@ -55,6 +55,7 @@ class ContactDrive:
         self.head = int(_ids(self.model, mujoco.mjtObj.mjOBJ_SITE, [HEAD])[0])
         self.data = mujoco.MjData(self.model)
         self.unit_of = self._units()
+        self.rolling = self._rolling()
         self.reset(np.zeros(self.yaw_q.size + 3))
 
     def _units(self) -> NDArray[np.int64]:
@@ -65,6 +66,37 @@ class ContactDrive:
             unit[drum] = i
             unit[self.model.body_parentid == drum] = i
         return unit
+
+    def _rolling(self) -> NDArray[np.bool_]:
+        """Returns the degrees of freedom that roll: of wheels, or of balls in place of drums."""
+        model = self.model
+        free = np.isin(model.jnt_type, [mujoco.mjtJoint.mjJNT_BALL, mujoco.mjtJoint.mjJNT_HINGE])
+        drums = _ids(model, mujoco.mjtObj.mjOBJ_BODY, [f"screw{i + 1}" for i in range(self.units)])
+        wheel = np.isin(model.body_parentid, drums) & (self.unit_of >= 0)
+        ball = model.jnt_type == mujoco.mjtJoint.mjJNT_BALL
+        rolls = free & (wheel[model.jnt_bodyid] | ball)
+        return np.asarray(rolls[model.dof_jntid])
+
+    def press_wheels(self, arm: float, wheel_radius: float) -> None:
+        """Sets the dry friction of wheels [N m]: `arm` [m] times the load that each carries now.
+
+        A ball in place of a drum rubs as much more as its radius is larger.
+        """
+        model, force = self.model, np.zeros(6)
+        model.dof_frictionloss[self.rolling] = 0.0
+        for index in range(self.data.ncon):
+            contact = self.data.contact[index]
+            if contact.efc_address < 0:
+                continue
+            geoms = contact.geom
+            touching = int(np.argmax(self.unit_of[model.geom_bodyid[geoms]]))
+            body = model.geom_bodyid[geoms[touching]]
+            if self.unit_of[body] < 0:
+                continue
+            mujoco.mj_contactForce(model, self.data, index, force)
+            first, count = model.body_dofadr[body], model.body_dofnum[body]
+            rubs = arm * max(force[0], 0.0) * model.geom_size[geoms[touching], 0] / wheel_radius
+            model.dof_frictionloss[first : first + count] += rubs
 
     def reset(self, w: ArrayLike) -> None:
         """Puts the drive at rest in state w (m + 2,), the drums touching the ground z = 0."""

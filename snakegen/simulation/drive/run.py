@@ -162,6 +162,8 @@ def run_contact(
                 drive.model.opt.gravity[:] = gravity
                 drive.pull(pull, plan.load.link, plan.load.point)
             drive.pull(cable.force(drive.place(*tail), PERIOD), *tail)
+            if hardware.losses.arm > 0.0 and k > 0:
+                drive.press_wheels(hardware.losses.arm, robot.modules.screws[0].wheel_radius)
             w = drive.state()
             desired, rate = plan.reference.at(t)
             seen = hardware.measured(drive.read(), PERIOD)

@@ -1,0 +1,246 @@
+"""Hold a posture by servos and thrust together: vectoring apparatuses on a fixed base.
+
+Apparatuses push as `analyze relief` says. The run passes where the servos bear what that leaves to
+them, and the tip stays.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from snakegen import __version__
+from snakegen.analysis import relief
+from snakegen.base.geometry import Floats
+from snakegen.errors import AnalysisError, MissionError
+from snakegen.robot.posture import aim_gimbals
+from snakegen.robot.robot import Robot
+from snakegen.simulation.arm.hold import (
+    Hold,
+    Holding,
+    HoldPlant,
+    hold_still,
+    rotor_thrusts,
+    servo_share,
+)
+from snakegen.simulation.arm.plant import draw_arm
+from snakegen.simulation.arm.run import _drawn, _q_labels, _tips, movable
+from snakegen.simulation.flight.plant import Imperfections
+from snakegen.simulation.flight.world import World, make_world
+from snakegen.simulation.monte_carlo import Spread
+from snakegen.simulation.recording.metrics import metrics as measure
+from snakegen.simulation.recording.recording import Recording, channel
+from snakegen.simulation.recording.worst_place import judged_verdict
+from snakegen.simulation.run_settings import RunSettings
+from snakegen.statics.joint_torques import finite, joint_torques
+from snakegen.statics.thrust_relief import ThrustMap, least_use, thrust_map
+from snakegen.statics.tip import Tip, find_tip, tip_pose
+
+STEP = 0.001  # s
+CLOSE = 0.03  # of a servo's limit: servos and gimbals give way, which moves thrusts and levers
+AIMED = 1e-3  # rad, that an apparatus may point off its thrust
+STILL = 0.01  # of the arm's length, that the tip may be off (assumed)
+_SIGMAS = 2.5
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of mission `hold`.
+
+    Attributes:
+        posture: posture file; straight by default
+        thrust: false: rotors stand still, the servos bear it alone
+        tip_force: N, at the end of the last link, world axes
+        gravity: m/s², world
+        duration: s
+    """
+
+    posture: Mapping[str, Any] | None = None
+    thrust: bool = True
+    tip_force: str = "0,0,0"
+    gravity: str = "0,0,-9.81"
+    duration: float = 3.0
+
+
+def applies(robot: Robot) -> bool:
+    """An arm with vectoring apparatuses on gimbals, and a servo on every joint of the chain."""
+    return movable(robot) and relief.applies(robot)
+
+
+def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
+    """Holds the posture and returns the judged recording.
+
+    Raises:
+        MissionError: loads that servos and thrust do not bear, gimbals that cannot aim.
+    """
+    if not options.duration > 0.5:
+        raise MissionError(f"duration {options.duration:g} s: more than 0.5 is needed.")
+    try:
+        force = finite(options.tip_force, (3,), "tip_force")
+        gravity = finite(options.gravity, (3,), "gravity")
+    except AnalysisError as error:
+        raise MissionError(str(error)) from None
+    q: Floats = robot.configuration(options.posture)
+    tip = find_tip(robot)
+    load, wrench = _load(robot, q, tip, force, gravity)
+    reach = thrust_map(robot, q)
+    best = least_use(reach, load)
+    if options.thrust and best.value > 1.0:
+        raise MissionError(
+            f"{robot.name}: servos and thrust do not bear this; {100 * best.value:.3g} % of a "
+            "servo's torque at best."
+        )
+    forces = best.forces * float(options.thrust)
+    q = _aimed(robot, q, forces)
+    left = servo_share(reach, forces, load)
+    hold = Hold(
+        q, rotor_thrusts(robot, forces), left, tip.link, _in_link(robot, tip), force, gravity,
+        options.duration,
+    )  # fmt: skip
+    world = make_world(robot, timestep=STEP, floor=False)
+    plant, drawn = _plant(world, settings)
+    held = hold_still(world, hold, plant, settings.progress)
+    gap = CLOSE if settings.ideal else CLOSE + _expected_gap(reach, load, forces)
+    facts = {
+        "relief": best.value if options.thrust else None,
+        "servo_torque_predicted_n_m": left.tolist(),
+        "tip_wrench": wrench,
+        "thrust_n": hold.thrust.tolist(),
+    }
+    return _judged(world, hold, held, settings, facts, gap, drawn, options)
+
+
+def _load(
+    robot: Robot, q: Floats, tip: Tip, force: Floats, gravity: Floats
+) -> tuple[Floats, list[float]]:
+    """Returns the joints' torques (k,) [N m] under a force at the tip, and that as a wrench."""
+    origin = robot.body_of_link(tip.link)[2]
+    lever = tip_pose(robot, q, tip).position
+    lever = lever - tip_pose(robot, q, Tip(tip.link, tip.body, origin)).position
+    wrench = [*force.tolist(), *np.cross(lever, force).tolist()]
+    static = joint_torques(robot, q, wrenches={tip.link: wrench}, gravity=gravity, terms="static")
+    index = [robot.joint_names.index(n) for n in robot.chain_joints]
+    return np.asarray(static)[index], wrench
+
+
+def _in_link(robot: Robot, tip: Tip) -> Floats:
+    _, turn, origin = robot.body_of_link(tip.link)
+    return np.asarray(turn.T @ (tip.point - origin))
+
+
+def _aimed(robot: Robot, q: Floats, forces: Floats) -> Floats:
+    """Returns q with gimbals along the forces; those without a force point up."""
+    size = np.linalg.norm(forces, axis=1, keepdims=True)
+    ways = np.where(size > 1e-9, forces / np.maximum(size, 1e-9), [0.0, 0.0, 1.0])
+    aimed, off = aim_gimbals(robot, q, ways)
+    pushing = size[:, 0] > 1e-3 * robot.gimbals.limit
+    if (off[pushing] > AIMED).any():
+        j = int(np.argmax(np.where(pushing, off, 0.0)))
+        raise MissionError(
+            f"the gimbals of {robot.apparatus_names[j]} end {off[j]:.3g} rad from its thrust."
+        )
+    return np.asarray(aimed)
+
+
+def _plant(world: World, settings: RunSettings) -> tuple[HoldPlant, dict[str, float]]:
+    """Returns the hardware of a run, and what was drawn."""
+    drawn, trial = _drawn(world, settings.draw)
+    rotors, joints = len(world.rotors), len(world.chain)
+    if settings.ideal:
+        return HoldPlant(world.model, np.ones(rotors), np.zeros(joints)), drawn
+    mismatch = Imperfections.of(world.robot.modules.plant).thrust_mismatch
+    rng = np.random.default_rng(settings.seed) if trial is None else settings.draw[1]
+    factor = 1.0 + mismatch * rng.standard_normal(rotors)
+    if trial is not None:
+        return HoldPlant(trial.model(world), factor, trial.offset), drawn
+    arm = draw_arm(world, None, settings.seed, ideal=False)
+    return HoldPlant(arm.world(world).model, factor, arm.offsets), drawn
+
+
+def _expected_gap(reach: ThrustMap, load: Floats, forces: Floats) -> float:
+    """Returns the share of a servo's torque that masses and thrusts off nominal may add.
+
+    Two rotors of an apparatus are off independently; independent masses add up to about half of
+    what they would all together.
+    """
+    mismatch, mass = Imperfections().thrust_mismatch / np.sqrt(2.0), 0.5 * Spread().mass
+    pushed = (reach.relief * forces.ravel()).reshape(len(load), -1, 3).sum(axis=2)
+    spread = np.hypot(mismatch * np.linalg.norm(pushed, axis=1), mass * np.abs(load))
+    return float(_SIGMAS * np.max(spread / reach.effort))
+
+
+def _judged(
+    world: World,
+    hold: Hold,
+    held: Holding,
+    settings: RunSettings,
+    facts: dict[str, Any],
+    gap: float,
+    drawn: dict[str, float],
+    options: Options,
+) -> Recording:
+    robot, time = world.robot, held.time
+    names = [robot.joint_names[k] for k in world.chain]
+    angles = held.qpos[:, world.qpos]
+    asked = np.tile(robot.angles(hold.q), (len(time), 1))
+    tip, links = find_tip(robot), [r.link for a in robot.modules.apparatuses for r in a.rotors]
+    law = np.tile(hold.torque, (len(time), 1))
+    channels = {
+        "position": channel("position", _tips(robot, angles, tip), meaning="the tip"),
+        "position_target": channel("position_target", _tips(robot, asked, tip)),
+        "q": channel("q", world.configurations(held.qpos), _q_labels(robot)),
+        "joint_angle": channel("joint_angle", angles[:, world.chain], names),
+        "joint_command": channel("joint_command", asked[:, world.chain], names),
+        "joint_torque": channel("joint_torque", held.torque, names),
+        "joint_torque_law": channel(
+            "joint_torque_law", law, names, unit="N·m", group="joint torque by the law",
+            meaning="what `analyze relief` leaves to the servos",
+        ),
+        "thrust": channel("thrust", held.thrust, links),
+    }  # fmt: skip
+    rotors = [r for a in robot.modules.apparatuses for r in a.rotors]
+    meta = {
+        "robot": robot.name,
+        "mission": "hold",
+        "mode": "servos and thrust" if options.thrust else "servos alone",
+        "seed": settings.seed,
+        "ideal": settings.ideal,
+        "version": __version__,
+        "weight_n": robot.force_scale,
+        "urdf": robot.urdf,
+        "urdf_sha256": robot.urdf_hash,
+        "rotors": [{"link": r.link, "axis": list(r.axis)} for r in rotors],
+        "limits": {
+            "joint_torque": robot.limits(names)[2].tolist(),
+            "thrust_max": [r.thrust_max for r in rotors],
+        },
+        "gravity_m_s2": hold.gravity.tolist(),
+        "stopped": held.stopped,
+        "planned_s": hold.duration,
+        "facts": facts,
+    } | ({"drawn": drawn} if drawn else {})
+    recording = Recording(time, channels, (), meta)
+    found = measure(recording) | metrics(recording) | {"completed": not held.stopped}
+    length = sum(robot.modules.lengths.values()) or robot.link_length
+    bounds: dict[str, Any] = {
+        "completed": {"equals": True},
+        "finite": {"equals": True},
+        "joint_torque_use": {"at_most": 0.99},
+        "relief_gap_use": {"at_most": gap},
+        "position_max_m": {"at_most": STILL * length},
+    }
+    return recording.judged(found, judged_verdict(recording, found, bounds))
+
+
+def metrics(recording: Recording) -> dict[str, Any]:
+    """Returns how far the servos' torques end from the prediction, as a share of their limits.
+
+    Mean of the run's last half, the joint where it is most.
+    """
+    late = recording.time >= 0.5 * recording.time[-1]
+    servo, law = (
+        recording.channel(n).values[late].mean(axis=0) for n in ("joint_torque", "joint_torque_law")
+    )
+    limit = np.maximum(np.asarray(recording.meta["limits"]["joint_torque"], float), 1e-12)
+    return {"relief_gap_use": float(np.max(np.abs(servo - law) / limit))}
