@@ -35,10 +35,8 @@ class Case:
 
     def start(self, *words: str, **options) -> subprocess.Popen:
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        environment = os.environ | {MARK: self.token}
-        return subprocess.Popen(
-            [*SNAKEGEN, *words], env=environment, cwd=self.folder, **(pipes | options)
-        )
+        pipes |= {"env": os.environ | {MARK: self.token}, "cwd": self.folder}
+        return subprocess.Popen([*SNAKEGEN, *words], **(pipes | options))
 
     def run(self, *words: str, **options) -> subprocess.CompletedProcess:
         child = self.start(*words, **options)
