@@ -294,3 +294,12 @@ def test_two_runs_are_told_apart(run: Recording, log: Path, tmp_path: Path):
 def test_importing_the_package_does_not_import_rerun():
     code = "import sys, snakegen.log; sys.exit('rerun' in sys.modules or 'pyarrow' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_round_off_of_metrics_is_no_difference_but_a_digit_is() -> None:
+    from snakegen.log.compare import _same
+
+    assert _same([0.0, 0.19513521099517359], [1e-17, 0.1951352109951736])
+    assert _same(float("nan"), float("nan")) and _same(None, None) and _same(True, True)
+    assert not _same(0.1951, 0.1952) and not _same([1.0], [1.0, 2.0]) and not _same(True, False)
+    assert not _same(0.0, 1e-12) and not _same(float("nan"), 0.0)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from snakegen.errors import LogError, SnakegenError
 from snakegen.log.read import read
 from snakegen.simulation.recording.metrics import metrics
@@ -83,11 +85,28 @@ def inspect(path: str | Path) -> Inspection:
         ) from None
 
 
+_ROUND_OFF = 1e-9  # relative: a flight works its metrics out piece by piece, in another order
+
+
+def _same(stated: Any, again: Any) -> bool:
+    """Tells whether two values of a metric are equal to round-off."""
+    if isinstance(stated, bool | str) or isinstance(again, bool | str):
+        return bool(stated == again)
+    try:
+        a, b = np.asarray(stated, float), np.asarray(again, float)
+    except (TypeError, ValueError):
+        return bool(stated == again)
+    if a.shape != b.shape:
+        return False
+    size = float(np.max(np.abs(b), initial=0.0, where=np.isfinite(b)))
+    return bool(np.allclose(a, b, rtol=_ROUND_OFF, atol=_ROUND_OFF * size, equal_nan=True))
+
+
 def _inspection(recording: Recording) -> Inspection:
     again = metrics(recording)
     stated = recording.metrics
     # A loop may state more than the samples can show (a ratio to a prediction): these stay.
-    differing = tuple(k for k in again if k in stated and stated[k] != again[k])
+    differing = tuple(k for k in again if k in stated and not _same(stated[k], again[k]))
     merged = {**stated, **again}
     judged = recording.verdict
     again_judged = (
