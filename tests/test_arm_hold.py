@@ -33,13 +33,17 @@ def arm():
     return snakegen.load(load_spec("dragon4", overrides=["base=fixed"]))
 
 
-def test_thrust_leaves_to_the_servos_what_relief_says(arm):
-    """MuJoCo's servo torques against the cone program's; 43 N m would load joint 1 without."""
-    held = run(arm, "hold", options=SHORT, ideal=True)
+@pytest.mark.parametrize("force", ["0,0,0", "0,0,-15", "6,-8,4"])
+def test_thrust_leaves_to_the_servos_what_relief_says(arm, force):
+    """MuJoCo's servo torques against the cone program's; 43 N m would load joint 1 without.
+
+    The turned gimbals' own weight counts: without it a joint is 7 % of its limit off.
+    """
+    held = run(arm, "hold", options=SHORT | {"tip_force": force}, ideal=True)
     assert held.verdict.passed, held.verdict.summary()
     servo = held.channel("joint_torque").values[len(held.time) // 2 :].mean(axis=0)
     law = held.channel("joint_torque_law").values[0]
-    assert np.abs(servo - law).max() < 0.03 * 7.0
+    assert np.abs(servo - law).max() < 0.01 * 7.0
 
 
 def test_servos_alone_do_not_hold_and_a_lost_apparatus_is_found(arm):

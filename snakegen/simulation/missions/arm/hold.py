@@ -38,7 +38,7 @@ from snakegen.statics.thrust_relief import ThrustMap, least_use, thrust_map
 from snakegen.statics.tip import Tip, find_tip, tip_pose
 
 STEP = 0.001  # s
-CLOSE = 0.03  # of a servo's limit: servos and gimbals give way, which moves thrusts and levers
+CLOSE = 0.01  # of a servo's limit: gimbal servos give way, which turns thrusts a little
 AIMED = 1e-3  # rad, that an apparatus may point off its thrust
 STILL = 0.01  # of the arm's length, that the tip may be off (assumed)
 _SIGMAS = 2.5
@@ -92,7 +92,8 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
             "servo's torque at best."
         )
     forces = best.forces * float(options.thrust)
-    q = _aimed(robot, q, forces)
+    q = _aimed(robot, q, forces)  # turned gimbals have their weight and their thrust elsewhere
+    reach, (load, wrench) = thrust_map(robot, q), _load(robot, q, tip, force, gravity)
     left = servo_share(reach, forces, load)
     hold = Hold(
         q, rotor_thrusts(robot, forces), left, tip.link, _in_link(robot, tip), force, gravity,
