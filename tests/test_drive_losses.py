@@ -92,7 +92,8 @@ def test_play_leaves_an_error_that_the_encoder_does_not_see(screw4):
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.5 * math.pi])
-def test_a_cable_pulls_as_the_capstan_equation_says(turn):
+def test_a_cable_pulls_by_the_friction_of_its_weight(turn):
+    """On open ground no corner holds it: each metre is held by μ λ g at most."""
     losses = Losses(cable_mass=0.05, cable_friction=0.4, cable_length=2.0)
     cable, radius, v = CableDrag(losses), 0.6, 0.1
     arc = np.arange(0.0, 1.0 + radius * turn + 1.0, 1e-3)
@@ -102,16 +103,22 @@ def test_a_cable_pulls_as_the_capstan_equation_says(turn):
     for place in trail:
         force = cable.force(place, 1e-3 / v)
     weight = 0.4 * 0.05 * 9.81
-    before, within = weight * (2.0 + 1.0), 0.05 * 9.81 * radius
-    bent = (before + within) * math.exp(0.4 * turn) - within
-    assert np.hypot(*force[:2]) == pytest.approx(
-        bent + weight * (arc[-1] - 1 - radius * turn), rel=0.02
-    )
+    assert np.hypot(*force[:2]) == pytest.approx(weight * (2.0 + arc[-1]), rel=0.03)
     assert np.allclose(
         force / np.hypot(*force[:2]), [-math.cos(turn), -math.sin(turn), 0], atol=1e-6
     )
     back = cable.force(trail[-20], 0.2)
     assert not back.any()
+
+
+def test_a_tail_that_trembles_does_not_wind_the_cable_up():
+    """Sixty turns about within a hand's breadth: 6 m of way, and no more than 6 m of friction."""
+    cable = CableDrag(Losses(cable_mass=0.05, cable_friction=0.4, cable_length=1.0))
+    weight, most = 0.4 * 0.05 * 9.81, 0.0
+    for k in range(60):
+        place = np.array([0.1 * (k % 2), 0.01 * k])
+        most = max(most, float(np.hypot(*cable.force(place, 0.5)[:2])))
+    assert most <= weight * (1.0 + 60 * 0.11)
 
 
 def test_the_check_finds_other_rolling_friction(screw4):
@@ -121,13 +128,14 @@ def test_the_check_finds_other_rolling_friction(screw4):
 
     assert compare(screw4, built(), states=1).passed
     wrong = built()
-    wrong.dof_frictionloss[wrong.joint("wheel2_1_1").dofadr[0]] *= 1.01
+    assert not wrong.dof_frictionloss.any(), "wheels turn freely: drives know their loads"
+    wrong.dof_frictionloss[wrong.joint("wheel2_1_1").dofadr[0]] += 1e-4
     found = compare(screw4, wrong, states=1)
     assert not found.passed and "joint friction" in str(found) and "wheel2_1_1" in str(found)
     ball = decorate(
         screw4.urdf, screw4.modules, {}, visuals=False, rollers="ball", folder=screw4.folder
     ).compile()
-    assert ball.dof_frictionloss.max() == pytest.approx(3e-4 * 9.81 * 8.0 / 4 * 75 / 12)
+    assert not ball.dof_frictionloss.any()
 
 
 def test_switches_and_ranges(screw4):

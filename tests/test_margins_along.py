@@ -40,7 +40,7 @@ def test_sigma_min_counts_them_before_the_controller_knows(lossy):
     steps = np.abs(np.diff(sigma))
     assert time[1:][np.argmax(steps)] == pytest.approx(1.0, abs=1e-9)
     k = int(np.searchsorted(time, 1.0 - 1e-9))
-    q = recording.channel("q").values[k]
+    q = recording.channel("q").values[k].copy()
     names = list(recording.channel("q").labels)
     gimbals = recording.channel("gimbal_command")
     for label, value in zip(gimbals.labels, gimbals.values[k], strict=True):

@@ -259,8 +259,8 @@ def test_a_picture_is_of_what_is_judged(failed: Recording) -> None:
 
     from snakegen.log.picture import _instant
 
-    late = replace(failed, meta=failed.meta | {"metrics_window_s": [0.8, 1.195]})
-    assert _instant(late, None, Path("a.rrd")) == pytest.approx(0.9975)
+    late = replace(failed, meta=failed.meta | {"metrics_window_s": [0.1, 0.3]})
+    assert _instant(late, None, Path("a.rrd")) == pytest.approx(0.2)
     assert _instant(late, 0.1, Path("a.rrd")) == 0.1
     whole = replace(failed, meta={})
     ends = float(failed.time[0] + failed.time[-1])

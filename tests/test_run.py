@@ -53,7 +53,7 @@ def test_the_report_names_plant_checks_and_the_paper(robot, flown):
     assert "| ok | took_off" in flown.report and "thrust_mismatch" in flown.report
     assert "ZN23" not in flown.report
     lost = run(robot, "fail", options={"at": 0.2, "duration": 0.8})
-    assert "cannot hover level" in lost.report and "apparatus2" in lost.report
+    assert "cannot hover level" in lost.report and "apparatus 2 on link2" in lost.report
 
 
 def test_a_robot_too_heavy_to_fly_is_refused_with_its_numbers():

@@ -349,7 +349,7 @@ def test_bad_requests_are_one_line(robot: Robot) -> None:
     ("arguments", "says"),
     [
         (["--margin", "force_margn"], "Did you mean 'force_margin'"),
-        (["--base-rpy", "nan,0,0"], "--base-rpy 'nan,0,0': write three angles"),
+        (["--base-rpy", "nan,0,0"], "base_rpy: 'nan' is not a finite number"),
         (["--workers", "0"], "0 is not in the range"),
         (["--tolerance", "nan"], "tolerance is nan; it must be finite"),
         (["--samples", "0"], "between 1 and"),

@@ -221,12 +221,6 @@ def joint_limits(robot: Robot, names: Any) -> Floats:
     return np.column_stack([np.where(free, -np.inf, low), np.where(free, np.inf, high)])
 
 
-def wheel_drag(at: Actuation) -> float:
-    """Returns the dry friction of a drum's wheel about its axle [N m], as `plant.losses` has it."""
-    modules = at.robot.modules
-    return modules.losses.drag(at.robot.mass, len(modules.screws))
-
-
 def _joint_constants(at: Actuation) -> Iterator[Pairs]:
     model, pin, names = at.model, at.robot.model, list(at.joints)
     rows = [model.joint(n).id for n in names]
@@ -240,8 +234,6 @@ def _joint_constants(at: Actuation) -> Iterator[Pairs]:
     yield pairs("joint torque range", held, ("lower [N m]", "upper [N m]"), free, clip)
     friction = dict(zip(names, at.of_joints(pin.friction), strict=True))
     friction |= {s.joint: s.friction for s in at.servos}
-    for name in at.wheels:
-        friction[name] += wheel_drag(at)
     for quantity, unit, declared, values in (
         ("armature", "[kg m²]", at.of_joints(pin.armature), model.dof_armature),
         ("joint damping", "[N m s/rad]", at.of_joints(pin.damping), model.dof_damping),

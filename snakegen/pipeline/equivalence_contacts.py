@@ -8,7 +8,7 @@ import numpy as np
 
 from snakegen.base.geometry import Floats, rotation_from_xyzw, xyzw_from_wxyz
 from snakegen.description.mjcf.rolling_contact import GROUND_BIT
-from snakegen.pipeline.equivalence_actuators import Actuation, wheel_drag
+from snakegen.pipeline.equivalence_actuators import Actuation
 from snakegen.pipeline.equivalence_pairs import Pairs, pairs
 from snakegen.robot.modules import Caster, Screw
 from snakegen.spec.wheel_layout import WheelLayout, wheel_layout
@@ -48,9 +48,8 @@ def _drum(at: Actuation, number: int, screw: Screw, rollers: str) -> Iterator[Pa
         joint = at.model.joint(screw.joint)
         found = at.model.dof_armature[joint.dofadr[0] : joint.dofadr[0] + 3]
         yield pairs("armature", (screw.joint,), tuple("xyz"), [screw.armature] * 3, found)
-        rubs = [wheel_drag(at) * screw.radius / screw.wheel_radius] * 3
         found = at.model.dof_frictionloss[joint.dofadr[0] : joint.dofadr[0] + 3]
-        yield pairs("joint friction", (screw.joint,), tuple("xyz"), rubs, found)
+        yield pairs("joint friction", (screw.joint,), tuple("xyz"), [0.0] * 3, found)
         return
     layout = wheel_layout(
         screw.alpha, screw.radius, screw.blades, screw.wheels_per_blade, rollers, screw.wheel_radius

@@ -57,9 +57,7 @@ class Losses(Part):
     cable_mass: NonNegative = Field(
         0.0, description="kg/m of a cable that the tail drags behind; 0: no cable"
     )
-    cable_friction: NonNegative = Field(
-        0.4, description="of that cable on the ground and round corners (assumed)"
-    )
+    cable_friction: NonNegative = Field(0.4, description="of that cable on the ground (assumed)")
     cable_length: NonNegative = Field(
         1.0, description="m of that cable laid out behind the tail at the start (assumed)"
     )

@@ -34,7 +34,6 @@ class ScrewContact:
     rollers: str = "ring_sphere"
     wheel_radius: float = 0.012
     friction: float = 0.8
-    drag: float = 0.0  # N m, dry friction of a wheel about its axle: rolling and bearing
     # Beyond gain · timestep ≈ armature the solver, which does not see the servo's damping, takes
     # the drum for lighter than it is: at 20 N·m·s and 0.005 kg m² the balls slip 0.05 m/s.
     screw_gain: float = 10.0  # N·m·s/rad of the screw's velocity servo
@@ -119,7 +118,6 @@ def _wheels(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
         _strip(spec, body)
         _roller(body.add_geom(name=f"{body.name}_contact", type=kind, size=size), contact)
         for joint in body.joints:
-            joint.frictionloss += contact.drag
             joint.solimp_friction = _STICKS
     _drum(spec, _body(spec, f"screw{unit + 1}"), layout, contact)
 
@@ -155,8 +153,6 @@ def _ball(spec: mujoco.MjSpec, unit: int, contact: ScrewContact) -> None:
         spec.delete(joint)
     joint = drum.add_joint(name=drum.name, type=mujoco.mjtJoint.mjJNT_BALL)
     joint.armature = contact.screw_armature
-    # as much force as the drum's wheels need
-    joint.frictionloss = contact.drag * contact.radius / contact.wheel_radius
     joint.solimp_friction = _STICKS
     sphere = mujoco.mjtGeom.mjGEOM_SPHERE
     _roller(
@@ -242,7 +238,7 @@ def decorate_drive(
     alike = {replace(screw, joint="", link="", alpha=0.0) for screw in screws}
     if len(alike) > 1:
         raise DescriptionError("drums must be alike but for their helix angles to drive together.")
-    one, mass = screws[0], sum(float(body.mass) for body in spec.bodies)
+    one = screws[0]
     contact = ScrewContact(
         tuple(screw.alpha for screw in screws),
         one.radius,
@@ -251,7 +247,6 @@ def decorate_drive(
         rollers or one.rollers,
         one.wheel_radius,
         one.friction,
-        modules.losses.drag(mass, len(screws)),
         one.gain,
         one.torque,
         one.armature,

@@ -1,7 +1,5 @@
 """Play of a drive's joints and the drag of the cable behind it: what its hardware takes away."""
 
-import math
-
 import numpy as np
 
 from snakegen.base.geometry import Floats
@@ -28,15 +26,15 @@ def motor_side(target: Floats, angle: Floats, play: float) -> Floats:
 
 
 class CableDrag:
-    """Pull of a cable that lies in the trail of the tail and is drawn along it.
+    """Pull of a cable that lies on open ground behind the tail and is drawn along.
 
-    With λ kg/m, friction μ and the trail's curvature κ: ``dT/ds = μ (λ g + |κ| T)``, so a straight
-    metre adds μ λ g and a corner, round which the cable is held, the factor exp(μ angle).
+    The ground holds each metre of it by μ λ g at most, whatever way it lies, so the tail feels
+    ``T = μ λ g (length laid out + way driven)`` at most: that is the figure. Corners that would
+    hold the cable (the capstan equation) are not on open ground, where it cuts them.
     """
 
     def __init__(self, losses: Losses) -> None:
         """Begins with ``cable_length`` laid out straight."""
-        self.friction = losses.cable_friction
         self.straight = losses.cable_friction * losses.cable_mass * GRAVITY  # N/m
         self.tension = self.straight * losses.cable_length  # N
         self.mark: Floats | None = None
@@ -56,10 +54,7 @@ class CableDrag:
         way = float(np.hypot(*gone))
         if way >= _PIECE:
             ahead = gone / way
-            before = ahead if self.ahead is None else self.ahead
-            turn = math.acos(min(1.0, max(-1.0, float(ahead @ before))))
-            held = math.exp(self.friction * turn)
-            self.tension = held * self.tension + self.straight * way
+            self.tension += self.straight * way
             self.mark, self.ahead = here, ahead
         if self.ahead is None:
             return np.zeros(3)
