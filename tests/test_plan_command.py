@@ -64,3 +64,10 @@ def test_the_example_is_a_scene_and_replaces_nothing(run, tmp_path: Path) -> Non
     assert "demands:" in path.read_text(encoding="utf-8")
     again = run("plan", "dragon4", str(path), "--example")
     assert again.code == 1 and "is there already" in again.err
+
+
+def test_the_example_is_printed_where_no_file_is_named(run) -> None:
+    printed = run("plan", "--example")
+    assert printed.code == 0 and "obstacles:" in printed.out
+    missing = run("plan", "dragon4")
+    assert missing.code == 1 and "--example" in missing.err

@@ -12,20 +12,20 @@ from snakegen.cli.options import (
     check_ending,
     json_option,
     note,
+    optional_robot_options,
     print_json,
-    robot_options,
 )
 
 _UNITS = {"clearance": "m", "self_clearance": "m", "force_margin": "N", "torque_margin": "N m"}
 
 
 @click.command(context_settings=HELP)
-@robot_options
-@click.argument("scene", metavar="SCENE.yaml", type=click.Path())
+@optional_robot_options
+@click.argument("scene", metavar="SCENE.yaml", type=click.Path(), required=False)
 @click.option("-o", "--out", metavar="PLAN.yaml", type=click.Path(), help="The plan to write.")
 @click.option(
     "--seed", type=int, default=0, show_default=True, callback=at_least(0),
-    help="Of the search; the same seed gives the same plan.",
+    help="Taken for scripts; the search draws nothing at random.",
 )  # fmt: skip
 @click.option(
     "--minutes", type=float, default=2.0, show_default=True, help="After which the search ends."
@@ -33,11 +33,15 @@ _UNITS = {"clearance": "m", "self_clearance": "m", "force_margin": "N", "torque_
 @click.option(
     "--picture", metavar="FILE.png", type=click.Path(), help="Draw the motion at eight instants."
 )
-@click.option("--example", is_flag=True, help="Write a commented scene to SCENE.yaml instead.")
+@click.option(
+    "--example",
+    is_flag=True,
+    help="Print a commented scene instead; to SCENE.yaml where that is given.",
+)
 @json_option
 def plan(
     source: Source,
-    scene: str,
+    scene: str | None,
     out: str | None,
     seed: int,
     minutes: float,
@@ -55,7 +59,7 @@ def plan(
     \b
     Example:
       snakegen plan dragon4 ceiling -o plan.yaml
-      snakegen plan dragon4 my.yaml --example
+      snakegen plan --example > my.yaml
     """
     from snakegen.base.atomic_io import check_writable, write_atomically
     from snakegen.errors import PlanError
@@ -66,6 +70,11 @@ def plan(
 
     check_ending("-o", out, ".yaml", ".yml")
     check_ending("--picture", picture, ".png")
+    if example and scene is None:
+        click.echo(_shipped()["ceiling"].read_text(encoding="utf-8"), nl=False)
+        return 0
+    if source.robot is None or scene is None:
+        raise PlanError("plan needs ROBOT and SCENE; --example prints a scene to start from.")
     path = Path(scene)
     if example:
         check_ending("SCENE", scene, ".yaml", ".yml")
