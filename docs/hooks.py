@@ -1,16 +1,21 @@
 """MkDocs hooks: pages of the reference that are made from the program itself."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from mkdocs.structure.files import File, Files
+if TYPE_CHECKING:
+    from mkdocs.structure.files import Files
 
 PICTURES = ("dragon3", "dragon4", "hybrid4", "screw4", "arm6", "grasper3")
 
 
 def on_files(files: Files, config: Any) -> Files:
     """Adds the generated pages and the presets' pictures."""
+    from mkdocs.structure.files import File
+
     for name, text in pages().items():
         files.append(File.generated(config, name, content=text))
     for robot in PICTURES:
