@@ -19,6 +19,7 @@ from snakegen.wrench_margins.set_exits import leaves_sets
 
 Floats = NDArray[np.float64]
 SLICES = {"wrench": slice(0, 6), "force": slice(0, 3), "torque": slice(3, 6)}
+EVEN = 1e-9  # share of a limit within which a torque counts as none
 LOST = 1e-9  # the allocator misses more than this share of a direction: it cannot hold it
 
 
@@ -113,7 +114,8 @@ def _joint_exits(bounds: Bounds | None, start: Floats, gain: Floats, acts: Float
     torque, rate = bounds.bias + bounds.rows @ start, bounds.rows @ gain + acts
     exits = []
     for t, g, most in zip(torque, rate, bounds.limit, strict=True):
-        room, sign = most - abs(t), 1.0 if t >= 0 else -1.0
+        # a torque of 0 is as near to both limits: round-off does not choose
+        room, sign = most - abs(t), 1.0 if t >= -EVEN * most else -1.0
         exits.append(leaves_plane(sign * g, float(room)))
     return exits
 
