@@ -15,7 +15,7 @@ import snakegen
 from snakegen.cli import cli
 from snakegen.log.skeleton import skeleton
 from snakegen.report.collection import Page
-from snakegen.web.body import body_glb, body_joints, body_links
+from snakegen.web.body import body_glb, body_joints, body_links, boxes
 from snakegen.web.page import write_robot_page
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
@@ -110,6 +110,15 @@ def test_a_mimic_joint_follows_and_limits_bound_the_slider() -> None:
     assert (first["low"], first["high"]) == (-0.5, 1.5)
     assert (second["follows"], second["ratio"], second["offset"]) == ("j", -2.0, 0.1)
     assert [j.name for j in skeleton(urdf).joints] == ["j", "k"]
+
+
+def test_boxes_of_a_log_stand_in_its_page() -> None:
+    turned = {"name": "a", "centre": [1, 2, 3], "half": [0.5, 1, 2], "roll": np.pi / 2}
+    placed = {"name": "b", "centre": [0, 0, 0], "half": [1, 1, 1], "rotation": np.eye(3).tolist()}
+    first, second = boxes([turned, placed, {"name": "c", "kind": "cylinder", "centre": [0, 0, 0]}])
+    assert first["size"] == [1.0, 2.0, 4.0] and first["at"] == [1, 2, 3]
+    np.testing.assert_allclose(first["xyzw"], [np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
+    np.testing.assert_allclose(second["xyzw"], [0, 0, 0, 1])
 
 
 def test_another_ending_is_refused_before_anything_runs(tmp_path: Path) -> None:

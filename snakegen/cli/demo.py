@@ -26,7 +26,7 @@ def demo(out: str) -> int:
     \b
     Example:
       snakegen demo
-      snakegen demo -o /tmp/demo
+      snakegen demo -o my-demo
     """
     from snakegen.spec.loading import templates_folder
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.base.geometry import quaternion_xyzw, rotation_about
 from snakegen.errors import DescriptionError
 from snakegen.log.body import drawable
 from snakegen.log.skeleton import skeleton
@@ -93,6 +94,26 @@ def body_joints(urdf: str) -> list[dict[str, Any]]:
                 "axis": j.axis.tolist(),
             }
             | ranges[j.name]
+        )
+    return out
+
+
+def boxes(obstacles: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Returns the boxes among a log's obstacles as the page draws them; other solids are left out.
+
+    Each has ``at`` (3,) and ``size`` (3,) [m], whole lengths, and the quaternion ``xyzw``.
+    """
+    out = []
+    for one in obstacles:
+        if "half" not in one:
+            continue
+        turn = one.get("rotation") or rotation_about([1.0, 0.0, 0.0], one.get("roll", 0.0))
+        out.append(
+            {
+                "at": list(one["centre"]),
+                "size": [2.0 * h for h in one["half"]],
+                "xyzw": quaternion_xyzw(turn).tolist(),
+            }
         )
     return out
 

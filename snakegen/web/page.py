@@ -31,7 +31,7 @@ from snakegen.report.page import HTML, heading, plain, tidy
 from snakegen.robot.posture import angles_by_name
 from snakegen.robot.robot import Robot
 from snakegen.simulation.recording.recording import Recording
-from snakegen.web.body import body_glb, body_joints, body_links
+from snakegen.web.body import body_glb, body_joints, body_links, boxes
 from snakegen.web.charts import flight_charts, robot_charts
 
 _FRAMES = 25.0  # poses of a flight a second
@@ -123,7 +123,7 @@ def write_flight_page(
         "thrust": [0.0] * len(data["rotors"]),
         "flight": flight,
         "floor": 0.0,
-        "obstacles": [],
+        "obstacles": boxes(meta.get("obstacles") or []),
     }
     checks = [] if verdict is None else [(c.line(), c.passed) for c in verdict.checks]
     said = "no verdict" if verdict is None else f"verdict: {verdict.summary()}"
