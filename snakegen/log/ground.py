@@ -41,7 +41,7 @@ def _obstacles(rec: Any, recording: Recording) -> None:
                 rr.Boxes3D(
                     centers=[boxes[i]["centre"] for i in chosen],
                     half_sizes=[boxes[i]["half"] for i in chosen],
-                    quaternions=[rr.Quaternion(xyzw=_attitude(boxes[i])) for i in chosen],
+                    quaternions=[rr.Quaternion(xyzw=box_attitude(boxes[i])) for i in chosen],
                     colors=[style.OBSTACLE],
                     fill_mode=getattr(rr.components.FillMode, mode),
                 ),
@@ -49,7 +49,7 @@ def _obstacles(rec: Any, recording: Recording) -> None:
             )
 
 
-def _attitude(box: dict[str, Any]) -> Floats:
+def box_attitude(box: dict[str, Any]) -> Floats:
     """Returns the quaternion [x, y, z, w] of a box: its `rotation`, or its `roll` about x."""
     if "rotation" in box:
         return quaternion_xyzw(np.array(box["rotation"], float))
@@ -69,7 +69,7 @@ def _other_solids(rec: Any, solids: list[dict[str, Any]]) -> None:
             lengths=[2.0 * one["size"][1] for one in cylinders],
             radii=[one["size"][0] for one in cylinders],
             centers=[one["centre"] for one in cylinders],
-            quaternions=[rr.Quaternion(xyzw=_attitude(one)) for one in cylinders],
+            quaternions=[rr.Quaternion(xyzw=box_attitude(one)) for one in cylinders],
             colors=colour,
         )
         rec.log("world/obstacles/cylinders", look, static=True)

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from snakegen.base.geometry import quaternion_xyzw, rotation_about
 from snakegen.errors import DescriptionError
 from snakegen.log.body import drawable
+from snakegen.log.ground import box_attitude
 from snakegen.log.skeleton import skeleton
 
 PLAIN = "#9aa3ad"  # of a page whose robot has no visuals
@@ -107,12 +107,11 @@ def boxes(obstacles: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for one in obstacles:
         if "half" not in one:
             continue
-        turn = one.get("rotation") or rotation_about([1.0, 0.0, 0.0], one.get("roll", 0.0))
         out.append(
             {
                 "at": list(one["centre"]),
                 "size": [2.0 * h for h in one["half"]],
-                "xyzw": quaternion_xyzw(turn).tolist(),
+                "xyzw": box_attitude(one).tolist(),
             }
         )
     return out
