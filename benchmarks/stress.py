@@ -7,6 +7,7 @@ processes. A tmpfs that is really full needs root; without it the limit on file 
 """
 
 import argparse
+import hashlib
 import os
 import resource
 import shutil
@@ -14,6 +15,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -124,27 +126,6 @@ def conversions(case: Case, kills: int) -> None:
     case.none_running()
 
 
-def converts(case: Case, kills: int) -> None:
-    """A killed conversion leaves the set of one robot or of the other, whole."""
-    sets, within = {}, 0.0
-    for links in ("3", "4"):
-        given = case.folder / f"in{links}"
-        made = ("build", "dragon4", "--links", links, "--no-picture", "-o", str(given))
-        case.took(*made)
-        words = ("convert", str(given / "dragon4.urdf"), "-o", "out")
-        within = max(within, case.took(*words))
-        sets[links] = contents(case.folder / "out")
-    case.hold(sets["3"] != sets["4"], "both robots are the same")
-    for i in range(kills):
-        given = case.folder / f"in{'34'[i % 2]}" / "dragon4.urdf"
-        case.killed("convert", str(given), "-o", "out", within=1.1 * within)
-        case.hold(contents(case.folder / "out") in sets.values(), f"kill {i}: a mixed folder")
-    case.took(*words)
-    left = {p.name for p in case.folder.iterdir()} - {"out", "in3", "in4"}
-    case.hold(not left, f"left: {left}")
-    case.none_running()
-
-
 def sweeps(case: Case, kills: int) -> None:
     """Three kills and resumes, over and over, give the columns of the undisturbed sweep."""
     import pyarrow.parquet as pq
@@ -228,59 +209,231 @@ def damage(case: Case, kills: int) -> None:
 
 
 def caches(case: Case, kills: int) -> None:
-    """Damaged kernel caches, some entries a time: compiled again, the same page."""
+    """Damaged, full, locked and shared kernel caches: the same page, and whole entries again."""
     cache = case.folder / "cache"
-    environment = os.environ | {"SNAKEGEN_CACHE_DIR": str(cache), MARK: case.token}
     words = ("analyze", "reach", "arm6", "--json")  # compiles a few kernels, in seconds
-    page = case.run(*words, env=environment).stdout
-    case.hold(any(cache.rglob("*.nbc")), "nothing was compiled: the case shows nothing")
+
+    def page(folder: Path) -> subprocess.CompletedProcess:
+        environment = os.environ | {"SNAKEGEN_CACHE_DIR": str(folder), MARK: case.token}
+        return case.run(*words, env=environment)
+
+    good = page(cache).stdout
+    entries = sorted(cache.rglob("*.nbc"))
+    case.hold(bool(good and entries), "nothing was compiled: the case shows nothing")
+    case.hold(all(map(sound, entries)), "an entry is damaged from the start")
     for i in range(max(1, kills // 5)):
-        entries = sorted(cache.rglob("*.nbc"))
-        for path in case.rng.choice(entries, min(5, len(entries)), replace=False):
-            content = bytearray(path.read_bytes())
-            content[case.rng.integers(len(content))] ^= 1 << case.rng.integers(8)
-            path.write_bytes(case.rng.choice([b"", bytes(content), bytes(content[:99])]))
-        done = case.run(*words, env=environment)
-        case.hold(done.stdout == page and not done.stderr, f"damage {i}: {done.stderr[-200:]}")
+        kind = list(DAMAGE)[i % len(DAMAGE)]
+        struck = case.rng.choice(entries, min(1 + i, len(entries)), replace=False)
+        for path in struck:
+            path.write_bytes(DAMAGE[kind](path.read_bytes(), case.rng))
+        done = page(cache)
+        case.hold(done.stdout == good and done.returncode == 0, f"{kind} {i}: another page")
+        case.hold(not done.stderr, f"{kind} {i}: {done.stderr[-200:]}")
+        case.hold(all(map(sound, entries)), f"{kind} {i}: an entry stays damaged")
+        left = {p.name for p in cache.rglob("*") if p.is_file()} - {p.name for p in entries}
+        case.hold(not left, f"{kind} {i}: left {left}")
+    for i in range(max(1, kills // 25)):
+        struck_by(case, entries, lambda: page(cache), good, f"struck while it runs {i}")
+    for i in range(max(1, kills // 25)):
+        shutil.rmtree(cache)  # two that compile at once, one of them killed
+        environment = os.environ | {"SNAKEGEN_CACHE_DIR": str(cache), MARK: case.token}
+        other = case.start(*words, env=environment)
+        time.sleep(case.rng.uniform(1.0, 8.0))
+        threading.Timer(case.rng.uniform(0.0, 8.0), other.kill).start()
+        done = page(cache)
+        other.communicate()
+        case.hold(done.stdout == good and not done.stderr, f"two at once {i}: {done.stderr[-200:]}")
+        again = page(cache)
+        case.hold(again.stdout == good and not again.stderr, f"after a kill {i}: another page")
+        case.hold(all(map(sound, cache.rglob("*.nbc"))), f"after a kill {i}: damaged entries")
+    disk, mounted = case.folder / "disk", False
+    try:
+        mounted = mount(disk, "200k")
+        for name in ("full", "read-only") if mounted else ():
+            if name == "read-only":
+                subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
+            done = page(disk)
+            notes = done.stderr.splitlines()
+            case.hold(done.stdout == good and done.returncode == 0, f"{name}: another page")
+            told = len(notes) == 1 and notes[0].startswith("note: kernel cache")
+            case.hold(told, f"{name}: {done.stderr[-300:]}")
+            case.hold(not list(disk.rglob("*.part")), f"{name}: half-written entries")
+            case.hold(all(map(sound, disk.rglob("*.nbc"))), f"{name}: damaged entries")
+    finally:
+        if mounted:
+            subprocess.run(["umount", str(disk)], check=True)
+    case.none_running()
 
 
+def flipped(content: bytes, rng: np.random.Generator) -> bytes:
+    """Returns bytes with one bit turned."""
+    out = bytearray(content)
+    out[rng.integers(len(out))] ^= 1 << rng.integers(8)
+    return bytes(out)
+
+
+DAMAGE: dict[str, Callable[[bytes, np.random.Generator], bytes]] = {
+    "0 bytes": lambda content, rng: b"",
+    "garbage": lambda content, rng: rng.bytes(len(content)),
+    "flipped bit": flipped,
+    "cut short": lambda content, rng: content[: rng.integers(1, len(content))],
+    "another's entry": lambda content, rng: hashlib.sha256(b"x").digest() + b"x",
+}
+
+
+def sound(path: Path) -> bool:
+    """Tells whether a kernel's entry is as it was written, by the checksum before it."""
+    content = path.read_bytes() if path.is_file() else b""
+    return len(content) > 32 and hashlib.sha256(content[32:]).digest() == content[:32]
+
+
+def struck_by(
+    case: Case,
+    entries: list[Path],
+    page: Callable[[], subprocess.CompletedProcess],
+    good: str,
+    name: str,
+) -> None:
+    """Holds that a command gives its page while another process damages entries all the time."""
+    over, struck = threading.Event(), 0
+
+    def strike() -> None:
+        nonlocal struck
+        while not over.wait(0.05):
+            path = entries[case.rng.integers(len(entries))]
+            kind = list(DAMAGE)[case.rng.integers(len(DAMAGE))]
+            try:
+                path.write_bytes(DAMAGE[kind](path.read_bytes() or b"x", case.rng))
+                struck += 1
+            except (OSError, ValueError):  # removed, or cut to a byte
+                continue
+
+    thread = threading.Thread(target=strike)
+    thread.start()
+    done = page()
+    over.set()
+    thread.join()
+    case.hold(done.stdout == good and done.returncode == 0, f"{name}: another page")
+    case.hold("Traceback" not in done.stderr, f"{name}: {done.stderr[-300:]}")
+    case.hold(struck > 0, f"{name}: nothing was struck")
+    done = page()
+    case.hold(done.stdout == good and not done.stderr, f"{name}, after it: {done.stderr[-200:]}")
+    case.hold(all(map(sound, entries)), f"{name}: an entry stays damaged")
+
+
+def mount(disk: Path, size: str) -> bool:
+    """Mounts a tmpfs of some size at a new folder; returns whether that is allowed here."""
+    disk.mkdir()
+    words = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(disk)]
+    return os.getuid() == 0 and subprocess.run(words, capture_output=True).returncode == 0
+
+
+def million(case: Case, kills: int) -> None:
+    """A sweep of 1,000,000 postures, killed and resumed three times: the same columns byte by byte.
+
+    Parts of the killed one are damaged too, two at each kill.
+    """
+    words = ["analyze", "sweep", "dragon4", "--samples", "1000000", "--workers", "2"]
+    within = case.took(*words, "-o", "whole.parquet")
+    whole = columns(case.folder / "whole.parquet")
+    parts = case.folder / "s.parquet.parts"
+    for i in range(3):
+        resume = ["--resume"] if i else []
+        child = case.start(*words, "-o", "s.parquet", *resume)
+        try:
+            child.wait(case.rng.uniform(0.1, 0.3) * within)
+            case.hold(False, f"kill {i}: over before it was killed")
+        except subprocess.TimeoutExpired:
+            child.kill()
+        child.communicate()
+        case.none_running()
+        found = sorted(parts.glob("part-*.parquet"))
+        print(f"  kill {i}: {len(found)} parts are whole", flush=True)
+        for path in case.rng.choice(found, min(2, len(found)), replace=False):
+            path.write_bytes(flipped(path.read_bytes(), case.rng))
+    done = case.run(*words, "-o", "s.parquet", "--resume")
+    case.hold(done.returncode == 0, f"resume: {done.stderr[-200:]}")
+    found = columns(case.folder / "s.parquet")
+    case.hold(found == whole, f"other columns: {[k for k in whole if whole[k] != found.get(k)]}")
+    print(f"  {len(whole)} columns, undisturbed {within:.0f} s", flush=True)
+
+
+def columns(path: Path) -> dict[str, str]:
+    """Returns the SHA-256 of the values of each column of a Parquet file."""
+    import pyarrow.parquet as pq
+
+    out = {}
+    with pq.ParquetFile(path) as file:
+        for name in file.schema_arrow.names:
+            digest = hashlib.sha256()
+            for i in range(file.num_row_groups):
+                values = file.read_row_group(i, columns=[name]).column(0).combine_chunks()
+                digest.update(np.ascontiguousarray(values.to_numpy(zero_copy_only=False)).tobytes())
+            out[name] = digest.hexdigest()
+    return out
+
+
+ROOM = 100_000  # bytes left on the full disk for the first of these, none for the second
 FULL = [
     ("build", "dragon4", "-o", "{}/b"),
+    ("build", "dragon4", "--format", "ros2", "-o", "{}/b"),
+    ("build", "dragon4", "--format", "menagerie", "-o", "{}/b"),
+    ("convert", "made/dragon4.urdf", "-o", "{}/c"),
     ("analyze", "dragon4", "--report", "{}/report.md"),
+    ("analyze", "dragon4", "--report", "{}/page.html"),
     ("analyze", "flight", "dragon4", "--duration", "2", "-o", "{}/f.rrd"),
     ("analyze", "flight", "dragon4", "--duration", "1", "--trials", "2", "-o", "{}/t.rrd"),
+    ("analyze", "flight", "screw4", "--duration", "2", "-o", "{}/drive.rrd"),
+    ("analyze", "flight", "arm6", "--mission", "motion", "-o", "{}/arm.rrd"),
     ("analyze", "sweep", "dragon4", "--samples", "20000", "--workers", "2", "-o", "{}/s.parquet"),
     ("inspect", "f.rrd", "--png", "{}/f.png"),
+    ("inspect", "f.rrd", "--html", "{}/f.html"),
+]
+NO_ROOM = [
+    ("build", "dragon4", "--no-picture", "-o", "b", "--save-spec", "{}/s.yaml"),
+    ("plan", "dragon4", "doorway", "-o", "{}/plan.yaml"),
+    ("adopt", "made/dragon4.urdf", "-o", "{}/modules.yaml"),
+    ("design", "study.yaml", "--minutes", "0.05", "-o", "{}/d"),
+    ("analyze", "sweep", "dragon4", "--samples", "50", "-o", "{}/s.parquet"),
 ]
 
 
 def full_disks(case: Case, kills: int) -> None:
-    """Each command on a disk with 100 kB left: one line that names the path, nothing half-made."""
+    """Each command on a disk that is full: one line that names the path, nothing half-made."""
     disk = case.folder / "disk"
-    disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(disk)]
-    mounted = os.getuid() == 0 and subprocess.run(mount, capture_output=True).returncode == 0
+    mounted = mount(disk, "2m")
     print("full disk: a tmpfs" if mounted else "full disk: RLIMIT_FSIZE, no mounts here")
+    case.took("build", "dragon4", "--no-picture", "-o", "made")
     case.took("analyze", "flight", "dragon4", "--duration", "2", "-o", "f.rrd")
+    study = case.run("design", "--example").stdout
+    (case.folder / "study.yaml").write_text(study)
 
     def limit() -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room // 5, room // 5))
 
     try:
-        if mounted:
-            (disk / "fill").write_bytes(b"x" * (2 * 2**20 - 100_000))
-        for words in FULL:
-            line = [word.format("disk") for word in words]
-            done = case.run(*line, **({} if mounted else {"preexec_fn": limit}))
-            errors = [row for row in done.stderr.splitlines() if not row.startswith("note:")]
-            print(f"  {' '.join(line[:3])}: {errors[-1] if errors else done.returncode}")
-            case.hold(done.returncode == 1 and len(errors) == 1, f"{line}: {done.stderr[-300:]}")
-            case.hold(
-                "Error: disk/" in done.stderr or "write disk/" in done.stderr, f"{line}: path"
-            )
-            left = [p.name for p in disk.rglob("*") if p.is_file() and p.name != "fill"]
-            case.hold(not left, f"{line}: left {left}")
+        for room, commands in ((ROOM, FULL), (0, NO_ROOM)):
+            if mounted:
+                (disk / "fill").write_bytes(b"x" * (2 * 2**20 - room))
+            for words in commands:
+                line = [word.format("disk") for word in words]
+                done = case.run(*line, **({} if mounted else {"preexec_fn": limit}))
+                errors = [row for row in done.stderr.splitlines() if not row.startswith("note:")]
+                told = errors[-1] if errors else f"exit {done.returncode}"
+                print(f"| `{' '.join(line)}` | {told} |", flush=True)
+                one = done.returncode == 1 and len(errors) == 1
+                case.hold(one, f"{line}: {done.stderr[-300:]}")
+                case.hold("disk/" in told and told.startswith("Error: "), f"{line}: path")
+                left = [str(p) for p in disk.rglob("*") if p.is_file() and p.name != "fill"]
+                case.hold(not left, f"{line}: left {left}")
+        for words in (("presets",), ("analyze", "mass", "dragon4", "--json")):
+            with open("/dev/full", "w") as full:
+                done = case.run(*words, stdout=full)
+            errors = done.stderr.splitlines()
+            print(f"| `{' '.join(words)} > /dev/full` | {errors[-1:]} |")
+            one = done.returncode == 1 and len(errors) == 1 and "stdout" in errors[0]
+            case.hold(one, f"{words} > /dev/full: {done.returncode} {done.stderr[-300:]}")
     finally:
         if mounted:
             subprocess.run(["umount", str(disk)], check=True)
@@ -308,14 +461,18 @@ CASES: dict[str, Callable[[Case, int], None]] = {
     "build": builds, "convert": conversions,
     "sweep": sweeps, "flight": flights, "trials": trials, "ctrl-c": interrupts,
     "damage": damage, "cache": caches, "full-disk": full_disks, "two-sweeps": both_at_once,
+    "million": million,
 }  # fmt: skip
+
+
+USUAL = [name for name in CASES if name != "million"]  # which takes some five minutes
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", nargs="+", choices=list(CASES), default=list(CASES))
+    parser.add_argument("--only", nargs="+", choices=list(CASES), default=USUAL)
     options = parser.parse_args()
     rows, broken = [], 0
     for name in options.only:

@@ -11,10 +11,13 @@ import pytest
 from click.testing import CliRunner
 from synthetic_run import flight
 
+from snakegen.base.sample_store import samples_in
 from snakegen.cli.inspect import inspect as command
 from snakegen.errors import LogError
 from snakegen.log import Journal, journal_of, read, write
+from snakegen.log import journal as module
 from snakegen.log.journal import MAGIC
+from snakegen.log.store import encode
 from snakegen.robot.robot import load
 from snakegen.simulation.flight.run import run
 from snakegen.simulation.recording.recording import Recording
@@ -42,6 +45,32 @@ def test_a_journal_is_the_flight_so_far(flown: tuple[Recording, Path]) -> None:
     assert {"q", "thrust", "position", "floor_distance"} <= found.channels.keys()
     assert found.meta["robot"] == "dragon4" and found.meta["stopped"].startswith("killed after")
     assert found.verdict is None
+
+
+def test_a_journal_of_the_format_before_is_read(
+    flown: tuple[Recording, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its tables are Parquet files."""
+    now = read(flown[1])
+    monkeypatch.setattr(module, "MAGIC", module._BEFORE)
+    monkeypatch.setattr(module, "encode", lambda block, quick: encode(block))
+    Journal(tmp_path / "f.rrd").keep(now)
+    monkeypatch.undo()
+    found = read(tmp_path / "f.rrd")
+    for name, c in now.channels.items():
+        assert np.array_equal(found.channels[name].values, c.values, equal_nan=True), name
+
+
+def test_a_long_journal_is_read_into_a_file(
+    flown: tuple[Recording, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inside = read(flown[1])
+    monkeypatch.setattr(module, "LONG", 100)
+    with samples_in(tmp_path):
+        outside = read(flown[1])
+    for name, c in inside.channels.items():
+        assert np.array_equal(outside.channels[name].values, c.values, equal_nan=True), name
+        assert np.array_equal(outside.times(name), inside.times(name))
 
 
 @pytest.mark.parametrize("share", np.linspace(0.0, 0.999, 12))

@@ -3,6 +3,7 @@
 Each piece is held against the whole, bit for bit where nothing is summed.
 """
 
+import mmap
 import os
 from dataclasses import replace
 from itertools import pairwise
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from snakegen.base import sample_store
 from snakegen.base.sample_store import SampleStore
 from snakegen.base.window_array import WindowArray
 from snakegen.control.controller import flight_controller
@@ -18,10 +20,12 @@ from snakegen.errors import SnakegenError
 from snakegen.log import plots, read, write
 from snakegen.log.skeleton import angles_of, rotations_from_xyzw
 from snakegen.robot.robot import load
+from snakegen.simulation.flight.error_budget import lags
 from snakegen.simulation.flight.loop import Flown, fly
 from snakegen.simulation.flight.plan import Failure
 from snakegen.simulation.flight.plant import Imperfections, NoiseStream, draw
 from snakegen.simulation.flight.run import prepare
+from snakegen.simulation.flight.trim import trimmed
 from snakegen.simulation.flight.world import make_world
 from snakegen.simulation.missions import planned
 from snakegen.simulation.recording import blocks, signals
@@ -101,14 +105,17 @@ def test_metrics_and_worst_places_do_not_depend_on_the_pieces(
 
 
 def test_a_log_is_the_same_from_a_store_and_from_memory(
-    pair: list[Recording], tmp_path: Path
+    pair: list[Recording], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Samples, and curves that are worked out for the plots, attitudes over more than a turn."""
+    """Samples, and curves that are worked out for the plots."""
     run = pair[0]
-    inside = replace(run, store=None)
-    for one, other in zip(plots.series(run), plots.series(inside), strict=True):
+    inside = plots.series(run)
+    second = read(write(run, tmp_path / "1.rrd"))
+    monkeypatch.setattr(sample_store, "LONG", 100)
+    monkeypatch.setattr(sample_store, "PIECE", 37)
+    for one, other in zip(plots.series(run), inside, strict=True):
         assert np.array_equal(one.values, other.values, equal_nan=True), one.name
-    first, second = (read(write(r, tmp_path / f"{i}.rrd")) for i, r in enumerate((run, inside)))
+    first = read(write(run, tmp_path / "0.rrd"))
     for name, c in run.channels.items():
         assert np.array_equal(first.channels[name].values, c.values, equal_nan=True)
         assert np.array_equal(second.channels[name].values, c.values, equal_nan=True)
@@ -122,10 +129,67 @@ def test_turns_are_unwrapped_across_pieces(
     attitude = np.column_stack([0 * yaw, 0 * yaw, np.sin(yaw / 2), np.cos(yaw / 2)])
     like = pair[0].channels["attitude"]
     turning = replace(pair[0], channels={"attitude": replace(like, values=attitude)})
-    monkeypatch.setattr(signals, "PIECE", 50)
+    monkeypatch.setattr(sample_store, "LONG", 100)
+    monkeypatch.setattr(sample_store, "PIECE", 50)
     found = next(s for s in plots.series(turning) if s.name == "attitude").values
     np.testing.assert_allclose(found[:, 2], yaw, atol=1e-9)
     np.testing.assert_allclose(found, angles_of(rotations_from_xyzw(attitude)), atol=1e-9)
+
+
+@pytest.mark.parametrize("mission", ["transform", "path"])
+def test_a_long_plan_is_the_short_one(
+    mission: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rows made in pieces and kept on a disk are those made at once."""
+    robot, options = load("dragon4"), {}
+    if mission == "path":
+        file = tmp_path / "way.yaml"
+        file.write_text(
+            "waypoints:\n- {time: 0, position: [0, 0, 1.5]}\n"
+            "- {time: 3, position: [0.5, 0, 1.5], rpy: [0, 0, 0.4], joints: {joint1_yaw: 0.3}}\n"
+            "- {time: 6, position: [0, 0.2, 1.7], rpy: [0.05, 0, 0]}\n",
+            encoding="utf-8",
+        )
+        options = {"file": str(file)}
+    short = trimmed(planned(mission, robot, 200.0, **options), 1.0)
+    monkeypatch.setattr(sample_store, "LONG", 100)
+    monkeypatch.setattr(sample_store, "PIECE", 333)
+    with sample_store.samples_in(tmp_path):
+        long = trimmed(planned(mission, robot, 200.0, **options), 1.0)
+    for name in ("position", "velocity", "acceleration", "rotation", "angular", "joints"):
+        one, other = getattr(short, name), getattr(long, name)
+        np.testing.assert_allclose(other, one, rtol=0, atol=1e-15, err_msg=name)
+    assert isinstance(_owner(long.joints), mmap.mmap), "in memory"
+    what = Imperfections()
+    c = flight_controller(robot)
+    assert np.allclose(lags(c, long, what, 40.0), lags(c, short, what, 40.0), rtol=1e-12, atol=0)
+
+
+def _owner(values: np.ndarray) -> object:
+    """Returns what holds the memory of an array."""
+    while isinstance(values, np.ndarray):
+        values = values.base
+    return getattr(values, "obj", values)
+
+
+def test_rows_added_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=250), rng.normal(size=(250, 3))
+
+    def filled(most: int) -> dict[str, np.ndarray]:
+        rows = sample_store.RowStore(most)
+        for k in range(250):
+            rows.add(a=a[k], b=b[k])
+        return rows.arrays()
+
+    inside = filled(300)
+    monkeypatch.setattr(sample_store, "LONG", 100)
+    monkeypatch.setattr(sample_store, "PIECE", 50)
+    with sample_store.samples_in(tmp_path):
+        outside = filled(300)
+    for found in (inside, outside):
+        assert np.array_equal(found["a"], a) and np.array_equal(found["b"], b)
+    assert isinstance(_owner(outside["b"]), mmap.mmap) and not list(tmp_path.iterdir())
 
 
 def test_rows_that_were_taken_are_given_back() -> None:

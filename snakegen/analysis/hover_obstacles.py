@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 
 from snakegen.base.describe_motion import components
 from snakegen.base.geometry import Floats, rotation_about, rpy_from_rotation
@@ -162,6 +161,8 @@ def _directions(forces: Floats) -> Floats:
 
 def _search(sets: ForceSets, x: Floats, up: Floats, weight: float, arm: float) -> Floats:
     """Returns thrusts and angles (3n,) of least tilt near x that bear the weight without torque."""
+    from scipy.optimize import minimize
+
     low = np.r_[sets.low, sets.phi[:, 0], sets.theta[:, 0]]
     high = np.r_[sets.high, sets.phi[:, 1], sets.theta[:, 1]]
 

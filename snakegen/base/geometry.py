@@ -89,6 +89,24 @@ def quaternion_xyzw(rotation: ArrayLike) -> Floats:
     return -q if q[3] < 0 else q
 
 
+def quaternions_xyzw(rotation: Floats) -> Floats:
+    """Returns unit quaternions xyzw (T, 4) of rotations (T, 3, 3), of either sign.
+
+    Shepperd's way: of ``4 q qᵀ`` the column with the largest diagonal, which is far from 0.
+    """
+    r = np.asarray(rotation, float)
+    square = np.empty((len(r), 4, 4))
+    trace = np.trace(r, axis1=1, axis2=2)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        square[:, i, i] = 1.0 + 2.0 * r[:, i, i] - trace
+        square[:, i, j] = square[:, j, i] = r[:, i, j] + r[:, j, i]
+        square[:, i, 3] = square[:, 3, i] = r[:, k, j] - r[:, j, k]
+    square[:, 3, 3] = 1.0 + trace
+    best = np.argmax(np.diagonal(square, axis1=1, axis2=2), axis=1)
+    column = square[np.arange(len(r)), best]
+    return np.asarray(column / np.linalg.norm(column, axis=1, keepdims=True))
+
+
 def rotation_from_xyzw(quaternion: ArrayLike) -> Floats:
     """Returns the (3, 3) rotation of a quaternion [x, y, z, w] of any positive norm."""
     x, y, z, w = np.asarray(quaternion, float) / np.linalg.norm(quaternion)

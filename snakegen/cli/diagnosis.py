@@ -157,5 +157,6 @@ EXTRAS = {
     "cluster": ("distributed", "sweeps on a Dask cluster"),
     "gym": ("gymnasium", "the learning environment snakegen/Flight-v0"),
     "usd": ("pxr", "build --format usd"),
+    "mcap": ("mcap", "inspect --against recording.mcap"),
 }
 """Extra → the module that it brings, and what it is for."""

@@ -22,10 +22,11 @@ from snakegen.errors import LogError
     help="Also write one file that plays the log, with verdict and curves.",
 )  # fmt: skip
 @click.option(
-    "--against", "measured", metavar="TABLE", type=click.Path(),
-    help="Compare with measurements: CSV, Parquet or YAML with time and any of x y z (CoG), "
-    "roll pitch yaw, and joints by name.",
+    "--against", "measured", metavar="FILE", type=click.Path(),
+    help="Compare with measurements: a table with time and any of x y z roll pitch yaw (CoG frame; "
+    "base_x … the root link's) and joints by name; or .mcap with poses and joint states.",
 )  # fmt: skip
+@click.option("--topic", "topics", multiple=True, help="Of the .mcap; all by default. May repeat.")
 @click.option("--shift", type=float, default=0.0, help="Seconds added to the measurements' times.")
 @click.option("--open", "show", is_flag=True, help="Open the log in the viewer (127.0.0.1).")
 def inspect(
@@ -36,6 +37,7 @@ def inspect(
     time: float | None,
     html: str | None,
     measured: str | None,
+    topics: tuple[str, ...],
     shift: float,
     show: bool,
 ) -> int:
@@ -49,6 +51,7 @@ def inspect(
       snakegen inspect flight.rrd --png flight.png
       snakegen inspect flight.rrd --html flight.html
       snakegen inspect flight.rrd --against measured.csv
+      snakegen inspect flight.rrd --against bag.mcap --topic /mocap/pose --topic /joint_states
       snakegen inspect before.rrd after.rrd
     """
     from snakegen import log
@@ -73,9 +76,9 @@ def inspect(
     if html is not None:
         _write_page(recording, Path(html))
     if measured is not None:
-        return _beside(recording, measured, shift, as_json)
-    if shift:
-        raise LogError("--shift moves the times of measurements; it goes with --against.")
+        return _beside(recording, measured, shift, topics, as_json)
+    if shift or topics:
+        raise LogError("--shift and --topic are for measurements; they go with --against.")
     if as_json:
         print_json(result_json(recording, Path(file)) | {"differing": list(found.differing)})
     else:
@@ -105,11 +108,13 @@ def _write_page(recording: Any, path: Path) -> None:
     note(f"page: {path}")
 
 
-def _beside(recording: Any, measured: str, shift: float, as_json: bool) -> int:
+def _beside(
+    recording: Any, measured: str, shift: float, topics: tuple[str, ...], as_json: bool
+) -> int:
     """Prints how far measurements are from the log, a row a column."""
     from snakegen.log.measured import against
 
-    found = against(recording, measured, shift=shift)
+    found = against(recording, measured, shift=shift, topics=topics)
     if as_json:
         rows = {
             d.name: {f"rmse_{d.unit}": d.rmse, f"bias_{d.unit}": d.bias,

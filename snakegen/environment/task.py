@@ -10,9 +10,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from snakegen.base.geometry import Floats
+from snakegen.base.geometry import Floats, quaternions_xyzw
 from snakegen.errors import MissionError
 from snakegen.robot.robot import load
+from snakegen.simulation.flight.plan import is_constant
 from snakegen.simulation.flight.run import Ready, prepare
 from snakegen.simulation.flight.world import World, make_world
 
@@ -24,6 +25,9 @@ FORCE_SHARE = 0.5  # of the weight: force of a wrench action of 1
 TORQUE_SHARE = 0.25  # of weight times mean link length: its torque
 _FAR, _TURNED = 1.0, 1.5  # m and rad of error at which an episode ends
 _START = (0.05, 0.05, 0.1)  # m, rad, m/s and rad/s: standard deviations of the start
+# q* ⊗ d as a matrix of d's entries, wxyz, by which q is multiplied
+_ORDER = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
+_SIGN = np.array([[1.0, 1, 1, 1], [1, -1, -1, 1], [1, 1, -1, -1], [1, -1, 1, -1]])
 _EFFORT = 0.01  # reward lost by an action of length 1
 
 
@@ -77,6 +81,9 @@ class Task:
         self.seconds = float(plan.time[1] - plan.time[0])
         self.substeps = max(1, round(self.seconds / model.opt.timestep))
         self.first, self.last = plan.trim, len(plan.time) - 1
+        still = is_constant(plan.rotation)
+        turns = quaternions_xyzw(plan.rotation[:1] if still else plan.rotation)
+        self._wanted = np.broadcast_to(np.roll(turns, 1, axis=1), (len(plan.time), 4))  # wxyz
         self._joints = self.world.qpos[self.world.chain]
         self._rates = self.world.qvel[self.world.chain]
         present = self.world.gimbal_joints >= 0
@@ -142,7 +149,8 @@ class Task:
     def errors(self, sensed: Floats, tick: Any) -> tuple[Floats, Floats, Floats, Floats]:
         """Returns (n, 3) errors of position, velocity, attitude [rad] and angular rate.
 
-        The attitude error is half the skew part of ``Rᵀ R_d``, in the root link's axes.
+        The attitude error is half the skew part of ``Rᵀ R_d``, in the root link's axes: ``2 w v``
+        of the quaternion ``q* q_d`` = [w, v].
 
         Args:
             sensed: (n, ·) sensors.
@@ -153,24 +161,10 @@ class Task:
         gyro, quaternion = at["imu_gyro"], at["imu_quaternion"]
         position = plan.position[tick] - sensed[:, cog : cog + 3]
         linear = plan.velocity[tick] - sensed[:, velocity : velocity + 3]
-        w, x, y, z = sensed[:, quaternion : quaternion + 4].T
-        turned = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )  # (3, 3, n)
-        wanted = plan.rotation[tick]
-        gap = np.moveaxis(turned, 2, 0).transpose(0, 2, 1) @ wanted  # Rᵀ R_d
-        attitude = 0.5 * np.stack(
-            [
-                gap[:, 2, 1] - gap[:, 1, 2],
-                gap[:, 0, 2] - gap[:, 2, 0],
-                gap[:, 1, 0] - gap[:, 0, 1],
-            ],
-            axis=1,
+        turn = (
+            self._wanted[tick][..., _ORDER] * _SIGN @ sensed[:, quaternion : quaternion + 4, None]
         )
+        attitude = 2.0 * turn[:, 0] * turn[:, 1:, 0]
         rate = plan.angular[tick] - sensed[:, gyro : gyro + 3]
         return position, linear, attitude, rate
 

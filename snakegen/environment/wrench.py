@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 
-from snakegen.base.geometry import Floats, rotation_from_xyzw
+from snakegen.base.geometry import Floats
 from snakegen.control.frame import cog_frame
 from snakegen.environment.task import FORCE_SHARE, TORQUE_SHARE, Task
 from snakegen.kernels.control.types import Measured, State, Target
@@ -22,6 +23,9 @@ class WrenchPilot:
         none, unit = np.zeros((3, 3)), np.zeros((3, 3))
         unit[2] = 1.0  # torque = I (rate wanted − rate) + ω × I ω: the rate carries the action
         self.task = task
+        self._flat = np.empty(9)
+        self._present = task.world.gimbals >= 0
+        self._servos = task.world.gimbals[self._present]
         self.controller = task.ready.controller.with_law(
             force=none, torque=unit, attitude=np.zeros(2), vectoring=np.zeros_like(
                 task.ready.controller.law.vectoring
@@ -46,7 +50,8 @@ class WrenchPilot:
     ) -> State:
         """Writes thrusts and gimbal angles into a row of controls; returns the memory after it."""
         task, world = self.task, self.task.world
-        rotation = rotation_from_xyzw(np.roll(qpos[3:7], -1))
+        mujoco.mju_quat2Mat(self._flat, qpos[3:7])
+        rotation = self._flat.reshape(3, 3).copy()
         measured = Measured(
             rotation, qpos[:3].copy(), qvel[:3].copy(), rotation @ qvel[3:6], qpos[world.qpos],
             qvel[world.qvel],
@@ -57,6 +62,5 @@ class WrenchPilot:
         )  # fmt: skip
         after, command = self.controller.tick(measured, target, memory, task.seconds)
         control[world.rotors] = command.thrust
-        present = world.gimbals >= 0
-        control[world.gimbals[present]] = command.gimbals[present]
+        control[self._servos] = command.gimbals[self._present]
         return after

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline, make_interp_spline
 
 from snakegen.base.geometry import Floats
 from snakegen.base.memory import refuse_beyond
@@ -127,6 +126,8 @@ def waypoints(
         AnalysisError: fewer than two waypoints, times that do not rise, NaN, an unknown joint,
             angles outside the limits.
     """
+    from scipy.interpolate import CubicSpline
+
     t = _column(time, "time")
     if len(t) < 2 or np.any(np.diff(t) <= 0):
         row = int(np.argmax(np.diff(t) <= 0)) + 2 if len(t) >= 2 else len(t)
@@ -171,6 +172,8 @@ def functions(
     Raises:
         AnalysisError: an unknown joint, NaN, a duration that is not positive, broken limits.
     """
+    from scipy.interpolate import make_interp_spline
+
     nodes = np.linspace(0.0, _duration(duration), max(round(duration / _FINE), 6) + 1)
     table = np.repeat(_start(robot, start)[None], len(nodes), axis=0)
     for joint, f in angles.items():

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from snakegen.base.geometry import quaternions_xyzw
 from snakegen.log import skeleton as sk
 from snakegen.log import style
 from snakegen.log.ground import log_ground
@@ -59,7 +60,7 @@ def _log_robot(
         tree.log_urdf_to_recording(rec)
     _make_solid(rec, recording.meta["urdf"], tree)
     rotation, position = view.base
-    base = _moved(position, _xyzw(rotation), "tf#/world", bones.root)
+    base = _moved(position, quaternions_xyzw(rotation), "tf#/world", bones.root)
     rec.send_columns("world/motion/base", columns, base)
     for j in bones.moving():
         if j.name in view.angles:
@@ -117,6 +118,7 @@ def _log_thrusts(rec: Any, recording: Recording, view: Scene, columns: list[Any]
         if np.any(r.position):
             fields["origins"] = np.tile(r.position.astype(np.float32), (len(arrows), 1))
         rec.send_columns(path, columns, rr.Arrows3D.columns(**fields, colors=colors))
+        rec.flush()
 
 
 def _log_points(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -> None:
@@ -203,9 +205,3 @@ def drawable(urdf: str, meshes: Path | None) -> str:
             material = ET.SubElement(visual, "material", name="bare")
             ET.SubElement(material, "color", rgba=grey)
     return ET.tostring(robot, encoding="unicode")
-
-
-def _xyzw(rotation: Floats) -> Floats:
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(rotation).as_quat())

@@ -33,8 +33,10 @@ PAGES: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 
 
-def blueprint(recording: Recording, view: Scene, shown: list[plots.Series]) -> Any:
-    """Returns the rerun blueprint of a run."""
+def blueprint(
+    recording: Recording, view: Scene, shown: list[plots.Series], *, states: bool = True
+) -> Any:
+    """Returns the rerun blueprint of a run; `states`: whether there are lanes of states."""
     import rerun.blueprint as rrb
 
     documents = [
@@ -47,6 +49,8 @@ def blueprint(recording: Recording, view: Scene, shown: list[plots.Series]) -> A
             ),
         ),
     ]
+    if states:
+        documents.append(rrb.StateTimelineView(origin="state", name="States"))
     left = rrb.Vertical(
         _world(recording, view), rrb.Tabs(*documents, active_tab=0), row_shares=[3, 1]
     )

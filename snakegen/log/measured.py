@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,12 @@ import numpy as np
 from snakegen.base.geometry import Floats
 from snakegen.base.number_table import read_number_table
 from snakegen.errors import LogError
+from snakegen.log.skeleton import skeleton
 from snakegen.simulation.recording.recording import Recording
 
 _POSE = {"x": ("position", 0), "y": ("position", 1), "z": ("position", 2)}
 _TURN = ("roll", "pitch", "yaw")
+MCAP = ".mcap"
 _LEAST = 3  # rows within the log's time
 
 
@@ -40,39 +43,45 @@ class MeasuredDifference:
 
 
 def against(
-    recording: Recording, path: str | Path, *, shift: float = 0.0
+    recording: Recording, path: str | Path, *, shift: float = 0.0, topics: Sequence[str] = ()
 ) -> tuple[MeasuredDifference, ...]:
-    """Compares a log with a table of measurements.
+    """Compares a log with measurements.
 
     Args:
         recording: the log.
-        path: CSV, Parquet or YAML with a column ``time`` [s], and any of ``x y z`` (CoG, m, world),
-            ``roll pitch yaw`` (root link, rad) and the names of joints (rad).
-        shift: s, added to the table's times.
+        path: CSV, Parquet or YAML with a column ``time`` [s], and any of ``x y z`` (m) and ``roll
+            pitch yaw`` (rad) of the CoG frame, the same of the root link with ``base_`` before
+            them, and the names of joints (rad); or MCAP, as `read_mcap` reads it.
+        shift: s, added to the measurements' times.
+        topics: of an MCAP file; all if empty.
 
     Raises:
         LogError: no column that the log has too, or times that the log does not cover.
     """
-    table = read_number_table(path)
-    time = table.column("time") + shift
-    if len(time) > 1 and np.any(np.diff(time) <= 0):
-        raise LogError(f"{table.name}: its times do not increase.")
+    file = Path(path)
+    if topics and file.suffix.lower() != MCAP:
+        raise LogError(f"{file.name} has no topics, an MCAP file has.")
     logged = _logged(recording)
-    shared = [name for name in table.names if name in logged]
+    measured = _mcap(recording, file, topics) if file.suffix.lower() == MCAP else _table(file)
+    shared = [name for name in measured if name in logged]
     if not shared:
         known = ", ".join(logged)
-        raise LogError(f"{table.name} has none of the log's columns beside time: {known}.")
+        raise LogError(f"{file.name} has none of the log's columns beside time: {known}.")
     out = []
     for name in shared:
         unit, own, values = logged[name]
+        time, found = measured[name]()
+        time = time + shift
+        if len(time) > 1 and np.any(np.diff(time) <= 0):
+            raise LogError(f"{file.name}: its times do not increase.")
         inside = (time >= own[0]) & (time <= own[-1])
         if inside.sum() < _LEAST:
             raise LogError(
-                f"{table.name}: {int(inside.sum())} of its {len(time)} times lie in the log's "
+                f"{file.name}: {int(inside.sum())} of its {len(time)} times lie in the log's "
                 f"{own[0]:.2f} … {own[-1]:.2f} s; shift them."
             )
         at = time[inside]
-        gap = table.column(name)[inside] - np.interp(at, own, values)
+        gap = found[inside] - np.interp(at, own, values)
         if unit == "rad":
             gap = np.arctan2(np.sin(gap), np.cos(gap))
         worst = int(np.argmax(np.abs(gap)))
@@ -83,6 +92,24 @@ def against(
             )
         )
     return tuple(out)
+
+
+def _table(path: Path) -> dict[str, Callable[[], tuple[Floats, Floats]]]:
+    """Returns readers of times and values of a table's columns."""
+    table = read_number_table(path)
+    time = table.column("time")
+    return {name: lambda name=name: (time, table.column(name)) for name in table.names}  # type: ignore[misc]
+
+
+def _mcap(
+    recording: Recording, path: Path, topics: Sequence[str]
+) -> dict[str, Callable[[], tuple[Floats, Floats]]]:
+    """Returns readers of times and values of what an MCAP file holds."""
+    from snakegen.log.mcap_file import read_mcap
+
+    urdf = recording.meta.get("urdf")
+    found = read_mcap(path, skeleton(urdf).root if urdf else "", topics)
+    return {name: lambda c=c: (c.time, c.values) for name, c in found.items()}  # type: ignore[misc]
 
 
 def _logged(recording: Recording) -> dict[str, tuple[str, Floats, Floats]]:
@@ -96,6 +123,13 @@ def _logged(recording: Recording) -> dict[str, tuple[str, Floats, Floats]]:
         angles = _angles(recording.channel("attitude").values)
         for k, name in enumerate(_TURN):
             out[name] = ("rad", recording.times("attitude"), angles[:, k])
+    if "q" in recording.channels and "qw" in recording.channel("q").labels:
+        q = recording.channel("q").values
+        for k, name in enumerate("xyz"):
+            out[f"base_{name}"] = ("m", recording.times("q"), q[:, k])
+        angles = _angles(q[:, 3:7])
+        for k, name in enumerate(_TURN):
+            out[f"base_{name}"] = ("rad", recording.times("q"), angles[:, k])
     for channel in ("joint_angle", "gimbal_angle"):
         if channel in recording.channels:
             found: Any = recording.channel(channel)

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from snakegen.base.sample_store import in_pieces
 from snakegen.log import style
 from snakegen.log.scene import last_finite
 from snakegen.log.skeleton import angles_of, rotations_from_xyzw
 from snakegen.simulation.recording.recording import Recording
-from snakegen.simulation.recording.signals import stored, tracking_error
+from snakegen.simulation.recording.signals import tracking_error
 
 Floats = NDArray[np.float64]
 
@@ -98,36 +99,26 @@ def _angles(recording: Recording) -> list[Series]:
 
 
 def _kept(recording: Recording, name: str) -> Floats:
-    """Returns the tracking error (T, 3), in the recording's store where it has one."""
+    """Returns the tracking error (T, 3); that of a long run lies on the disk."""
     error = tracking_error(recording, name)
-    return kept(recording, len(error.time), (values for _, values in error.pieces()))
-
-
-def kept(recording: Recording, rows: int, pieces: Iterable[Floats]) -> Floats:
-    """Returns pieces of (rows, 3) as one array, in the recording's store where it has one."""
-    if recording.store is None:
-        return np.concatenate(list(pieces))
-    columns, first = recording.store.reserve(rows, 3), 0
-    for values in pieces:
-        recording.store.put(columns, first, values)
-        first += len(values)
-    return recording.store.array(columns, rows)
+    return in_pieces(len(error.time), lambda part: (error.rows(part),))[0]
 
 
 def _attitude_angles(recording: Recording, name: str) -> Floats:
     """Returns roll, pitch, yaw (T, 3) of a channel of quaternions, turns unwrapped."""
+    attitude = recording.channel(name).values
     ends: list[Floats] = []  # the last quaternion and the last angles so far
 
-    def pieces() -> Iterator[Floats]:
-        for _, values in stored(recording, name).pieces():
-            joined = last_finite(np.concatenate([ends[0], values]) if ends else values)
-            angles = angles_of(rotations_from_xyzw(joined))
-            if ends:  # whole turns that came before
-                angles += 2.0 * np.pi * np.round((ends[1] - angles[:1]) / (2.0 * np.pi))
-            ends[:] = [joined[-1:], angles[-1:]]
-            yield angles[1:] if len(joined) > len(values) else angles
+    def rows(part: slice) -> tuple[Floats]:
+        values = attitude[part]
+        joined = last_finite(np.concatenate([ends[0], values]) if ends else values)
+        angles = angles_of(rotations_from_xyzw(joined))
+        if ends:  # whole turns that came before
+            angles += 2.0 * np.pi * np.round((ends[1] - angles[:1]) / (2.0 * np.pi))
+        ends[:] = [joined[-1:], angles[-1:]]
+        return (angles[1:] if len(joined) > len(values) else angles,)
 
-    return kept(recording, len(recording.times(name)), pieces())
+    return in_pieces(len(attitude), rows)[0]
 
 
 def _limits(recording: Recording) -> list[Series]:
@@ -161,7 +152,8 @@ def log_plots(rec: Any, shown: list[Series], release: Callable[[], None]) -> Non
     stride = style.stride_for(sum(s.values.size for s in shown))
     for s in shown:
         thin = stride if len(s.values) > style.SCREEN else 1
-        index, width = style.standing_out(s.values, thin), s.values.shape[1]
+        index, values = style.standing_out(s.values, thin, release)
+        width = values.shape[1]
         names = legend(s, shown)
         # A command has the colours of what it commands; other channels go on where one ended.
         first = 0 if s.asked else drawn.get(s.group, 0)
@@ -178,8 +170,6 @@ def log_plots(rec: Any, shown: list[Series], release: Callable[[], None]) -> Non
         rec.send_columns(
             s.path,
             [rr.TimeColumn(style.TIMELINE, duration=s.time[index])],
-            rr.Scalars.columns(scalars=s.values[index].ravel()).partition(
-                np.full(len(index), width)
-            ),
+            rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(index), width)),
         )
         release()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from snakegen.log import skeleton as sk
 from snakegen.log import style
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.signals import stored
 
 Floats = NDArray[np.float64]
 
@@ -62,8 +63,10 @@ def scene(recording: Recording) -> Scene:
     size = float(np.sum(np.linalg.norm(np.diff(first, axis=0), axis=1))) or 1.0
     rotors, newton = _rotors(recording, bones), _newton(recording, size)
     if rotors:  # the arrows stand over the body
-        given = recording.channel("thrust").values
-        most = float(np.max(given, where=np.isfinite(given), initial=0.0))
+        most = max(
+            float(np.max(given, where=np.isfinite(given), initial=0.0))
+            for _, given in stored(recording, "thrust").pieces()
+        )
         clouds.append(clouds[0] + [0.0, 0.0, newton * most])
     cloud = np.concatenate(clouds)
     cloud = cloud[np.all(np.isfinite(cloud), axis=1)]
@@ -123,7 +126,7 @@ def _newton(recording: Recording, size: float) -> float:
     """Returns metres an arrow per newton: the largest thrust is a quarter of the body, ≤ 0.5 m."""
     upper = recording.meta.get("limits", {}).get("thrust_max")
     if upper is None and "thrust" in recording.channels:
-        upper = np.nanmax(recording.channel("thrust").values)
+        upper = [np.nanmax(given) for _, given in stored(recording, "thrust").pieces()]
     largest = float(np.max(upper)) if upper is not None else recording.meta.get("weight_n", 10.0)
     return min(0.25 * size, 0.5) / max(largest, 1e-9)
 

@@ -19,6 +19,7 @@ from snakegen.errors import LogError
 
 Floats = NDArray[np.float64]
 Poses = tuple[Floats, Floats]  # rotations (T, 3, 3), positions (T, 3)
+_ROWS = 2048  # instants worked out together
 
 
 @dataclass(frozen=True)
@@ -56,12 +57,17 @@ class Skeleton:
     def body_line(self, base: Poses, angles: dict[str, Floats]) -> Floats:
         """Returns the body as a line through its link origins to its tip, (T, n, 3) m."""
         links = self.spine()
-        poses = self.poses(base, angles, set(links))
-        points = [poses[name][1] for name in links]
-        if links[-1] in self.tips:
-            rotation, position = poses[links[-1]]
-            points.append(position + rotation @ self.tips[links[-1]])
-        return np.stack(points, axis=1)
+        out = []
+        for first in range(0, max(len(base[1]), 1), _ROWS):  # poses of all instants are large
+            part = slice(first, first + _ROWS)
+            turned = {name: values[part] for name, values in angles.items()}
+            poses = self.poses((base[0][part], base[1][part]), turned, set(links))
+            points = [poses[name][1] for name in links]
+            if links[-1] in self.tips:
+                rotation, position = poses[links[-1]]
+                points.append(position + rotation @ self.tips[links[-1]])
+            out.append(np.stack(points, axis=1))
+        return np.concatenate(out)
 
     def moving(self) -> tuple[Joint, ...]:
         """The joints that turn or slide."""

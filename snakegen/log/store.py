@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import struct
 from collections.abc import Callable
 from math import isfinite
 from typing import IO, Any, TypeVar
@@ -25,21 +26,29 @@ from snakegen.simulation.recording.verdict import Verdict
 
 Floats = NDArray[np.float64]
 F = TypeVar("F", bound=IO[bytes])
+Writer = Callable[[Floats, dict[str, Floats], IO[bytes], Callable[[], None]], None]
 FORMAT = 3  # 2 had the samples of an axis in one piece, 1 no checksum of the whole file
 _NUMBERS = 1 << 21  # of a row group
+_SHAPE = struct.Struct("<QQ")  # columns and rows of a quick table
 
 
-def encode(recording: Recording) -> tuple[str, list[bytes]]:
-    """Returns the JSON header and the Parquet files, one for each time axis."""
-    header, files = encode_into(recording, io.BytesIO)
+def encode(recording: Recording, *, quick: bool = False) -> tuple[str, list[bytes]]:
+    """Returns the JSON header and the tables, one for each time axis.
+
+    `quick` ones are no Parquet files: of a few rows these take ten times as long.
+    """
+    header, files = encode_into(recording, io.BytesIO, _write_quick if quick else _write_parquet)
     return header, [file.getvalue() for file in files]
 
 
-def encode_into(recording: Recording, new_file: Callable[[], F]) -> tuple[str, list[F]]:
-    """Returns the JSON header and the Parquet files, written to what `new_file` returns.
+def encode_into(
+    recording: Recording, new_file: Callable[[], F], write: Writer | None = None
+) -> tuple[str, list[F]]:
+    """Returns the JSON header and the tables, written to what `new_file` returns.
 
-    The files are at their end.
+    The files are at their end; they are Parquet files unless `write` says otherwise.
     """
+    write = write or _write_parquet
     axes: list[Floats] = []
     tables: list[dict[str, Floats]] = []  # columns as they lie in the channels
     known: list[dict[bytes, str]] = []
@@ -68,7 +77,7 @@ def encode_into(recording: Recording, new_file: Callable[[], F]) -> tuple[str, l
     files = []
     for time, table in zip(axes, tables, strict=True):
         files.append(new_file())
-        _write_parquet(time, table, files[-1], recording.release)
+        write(time, table, files[-1], recording.release)
     header = {
         "format": FORMAT,
         "sha256": [_digest(file) for file in files],
@@ -83,7 +92,7 @@ def encode_into(recording: Recording, new_file: Callable[[], F]) -> tuple[str, l
     return json.dumps(header, ensure_ascii=False), files
 
 
-def decode(header_text: str, files: list[bytes]) -> Recording:
+def decode(header_text: str, files: list[bytes], *, quick: bool = False) -> Recording:
     """Returns the recording that `encode` was given, bit for bit.
 
     Raises:
@@ -100,7 +109,8 @@ def decode(header_text: str, files: list[bytes]) -> Recording:
             )
         if header["sha256"] != [hashlib.sha256(data).hexdigest() for data in files]:
             raise LogError("its samples have changed since they were written")
-        return _recording(header, [_columns(data) for data in files])
+        read = _quick_columns if quick else _columns
+        return _recording(header, [read(data) for data in files])
     except (
         KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError, OSError,
         pa.ArrowException, AnalysisError,
@@ -213,6 +223,30 @@ def _write_parquet(
             rows = {k: pa.array(v[first : first + size]) for k, v in columns.items()}
             writer.write_table(pa.table(rows))
             release()
+
+
+def _write_quick(
+    time: Floats, table: dict[str, Floats], file: IO[bytes], _: Callable[[], None]
+) -> None:
+    """Writes numbers of rows and columns, and the columns: first bytes first, then compressed."""
+    import pyarrow as pa
+
+    whole = np.vstack([time[None], *(v[None] for v in table.values())])
+    planes = np.ascontiguousarray(whole.view(np.uint8).reshape(-1, 8).T)
+    file.write(_SHAPE.pack(*whole.shape))
+    file.write(pa.Codec("zstd", compression_level=1).compress(planes, asbytes=True))
+
+
+def _quick_columns(data: bytes) -> dict[str, Floats]:
+    import pyarrow as pa
+
+    columns, rows = _SHAPE.unpack_from(data)
+    size = 8 * columns * rows
+    refuse_beyond(float(size), "its samples", "read it where there is more memory")
+    packed = pa.Codec("zstd").decompress(data[_SHAPE.size :], size, asbytes=True)
+    planes = np.frombuffer(packed, np.uint8).reshape(8, -1)
+    whole = np.ascontiguousarray(planes.T).view(np.float64).reshape(columns, rows)
+    return dict(zip(("time", *(f"c{i}" for i in range(columns - 1))), whole, strict=True))
 
 
 def _columns(data: bytes) -> dict[str, Floats]:

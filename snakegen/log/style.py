@@ -6,6 +6,8 @@ is thinned, what is stored is not (`store`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +33,7 @@ PALETTE = (
     (190, 190, 190),
 )
 LIMIT = (200, 50, 50)
+CALM = (60, 110, 80)  # of a state in which nothing is at a limit
 COG = (255, 255, 255)
 TARGET = (60, 230, 255)
 DISTURBANCE = (255, 70, 255)
@@ -73,22 +76,36 @@ def stride_for(samples: int) -> int:
     return 3 if stride == 2 else stride
 
 
-def standing_out(values: Floats, stride: int) -> Ints:
-    """Returns one row index of each run of `stride` rows: the one farthest from the run's mean.
+def standing_out(
+    values: Floats, stride: int, release: Callable[[], None] = lambda: None
+) -> tuple[Ints, Floats]:
+    """Returns one row of each run of `stride` rows, the one farthest from the run's mean.
 
     So a spike of a single tick is still seen in a thinned plot. First and last rows are kept.
+
+    Args:
+        values: (T, k).
+        stride: rows.
+        release: gives back the memory of what was read; called after some rows.
+
+    Returns:
+        The rows' indices (n,) and values (n, k).
     """
     rows = len(values)
     if stride == 1 or rows <= 2 * stride:
-        return np.arange(rows)
+        return np.arange(rows), np.array(values)
     from snakegen.kernels.flight.run_history import farthest_rows
 
     block = max(1, _ROWS // stride) * stride
-    index = np.concatenate(
-        [
-            first + farthest_rows(np.ascontiguousarray(values[first : first + block]), stride)
-            for first in range(0, rows, block)
-        ]
-    )
-    inner = index[(index > 0) & (index < rows - 1)]
-    return np.concatenate([[0], inner, [rows - 1]])
+    index, kept = [], []
+    for first in range(0, rows, block):
+        part = np.ascontiguousarray(values[first : first + block])
+        found = farthest_rows(part, stride)
+        inner = found[(first + found > 0) & (first + found < rows - 1)]
+        start = [0] if first == 0 else []
+        end = [len(part) - 1] if first + len(part) == rows else []
+        chosen = np.concatenate([start, inner, end]).astype(np.int64)
+        index.append(first + chosen)
+        kept.append(part[chosen])
+        release()
+    return np.concatenate(index), np.concatenate(kept)

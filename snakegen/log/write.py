@@ -11,6 +11,7 @@ from typing import IO, Any
 
 from snakegen.base.atomic_io import replace_whole
 from snakegen.base.memory import trim
+from snakegen.base.sample_store import samples_in
 from snakegen.errors import LogError, SnakegenError
 from snakegen.log.checksum import Sealed, placeholder
 from snakegen.log.events import merged
@@ -51,7 +52,8 @@ def write(recording: Recording, path: str | Path, *, mesh_folder: str | Path | N
         raise LogError(f"cannot write {path}: it is a folder")
     folder = None if mesh_folder is None else Path(mesh_folder)
     try:
-        replace_whole(path, partial(_fill, recording, folder), sync=True)
+        with samples_in(path.parent):
+            replace_whole(path, partial(_fill, recording, folder), sync=True)
     except SnakegenError as error:
         raise LogError(str(error)) from None
     return path
@@ -106,6 +108,7 @@ def _write_to(
     from snakegen.log.layout import blueprint
     from snakegen.log.plots import log_plots, series
     from snakegen.log.scene import scene
+    from snakegen.log.states import lanes, log_states
 
     rec = rr.RecordingStream(APPLICATION, recording_id=identity(header))
     strict = rr.strict_mode()
@@ -121,7 +124,8 @@ def _write_to(
         trim()
         view, shown = scene(seen), series(recording)
         trim()
-        layout = blueprint(recording, view, shown)
+        states = lanes(recording)
+        layout = blueprint(recording, view, shown, states=bool(states))
         rec.send_blueprint(layout, make_active=False, make_default=True)
         rec.send_recording_name(_title(recording))
         log_body(rec, seen, view, mesh_folder)
@@ -129,6 +133,7 @@ def _write_to(
         del view, layout
         log_plots(rec, shown, recording.release)
         del shown
+        log_states(rec, states)
         _log_texts(rec, recording)
         rec.flush()
         trim()

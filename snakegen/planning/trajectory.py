@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from snakegen.base.geometry import Floats
 
@@ -25,8 +25,10 @@ class Trajectory:
     heading: float = 0.0
 
     @cached_property
-    def spline(self) -> CubicSpline:
+    def spline(self) -> Any:
         """The cubic spline, clamped."""
+        from scipy.interpolate import CubicSpline
+
         return CubicSpline(self.times, self.poses, bc_type="clamped")
 
     def at(self, time: Floats | float, order: int = 0) -> Floats:

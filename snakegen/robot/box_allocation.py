@@ -4,7 +4,6 @@ The readable twin of `kernels/allocation/box_allocation.py`.
 """
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from snakegen.base.geometry import Floats
 from snakegen.kernels.allocation.box_allocation import BOX_STAGES
@@ -25,6 +24,8 @@ def box_allocation(
         weight: (n,) d, usually the largest thrusts.
         lower, upper: (n,) N.
     """
+    from scipy.optimize import lsq_linear
+
     out, free = np.array(lower, float), (weight > 0.0) & (upper > lower)
     d, stiff = weight[free], rows / np.sqrt(BOX_STAGES[-1])
     rest = wrench - matrix[:, ~free] @ out[~free]

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from snakegen.base.geometry import Floats, rotation_about
 from snakegen.errors import AnalysisError
@@ -191,6 +190,8 @@ def _at_rest(robot: Robot, rotation: Floats, angles: Floats) -> Floats:
     Sequential linear programs in small turns about x and y: ``min z_c`` with every contact at or
     above the plane. Only steps that lower it are taken, so that a body on a line stays upright.
     """
+    from scipy.optimize import linprog
+
     heading = np.arctan2(rotation[1, 0], rotation[0, 0])
     rotation = rotation_about([0, 0, 1], heading)
     for _ in range(60):

@@ -10,7 +10,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from snakegen.errors import AnalysisError
 from snakegen.kernels.screw.constraints import follow, no_slip_rows, unit_rows
@@ -239,6 +238,8 @@ def following_radius(links: ArrayLike, joint_limit: float) -> float:
 
     Neighbouring chords c, c' of a circle meet at ``asin(c/2R) + asin(c'/2R)``.
     """
+    from scipy.optimize import brentq
+
     chords = np.asarray(links, float)
     if chords.size < 2 or not joint_limit > 0:
         raise AnalysisError("a turning radius needs two links and a positive joint limit.")

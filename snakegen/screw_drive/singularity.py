@@ -9,8 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize
-from scipy.stats import qmc
 
 from snakegen.errors import AnalysisError
 from snakegen.kernels.screw.shape_search import certify, sigma_squared, smallest_sigma
@@ -104,6 +102,8 @@ def _distinct(shapes: list[Floats], apart: float = 0.05) -> list[Floats]:
 
 def _seeds(low: Floats, high: Floats, samples: int, seed: int) -> Floats:
     """Returns first shapes: Sobol samples, corners of the range (to 10 joints), straight."""
+    from scipy.stats import qmc
+
     d = low.size
     unit = qmc.Sobol(d, seed=seed).random(samples)
     if d <= 10:
@@ -176,6 +176,8 @@ def search_hold(
 
 def _descend(shape: Floats, known: tuple, low: Floats, high: Floats) -> Floats:
     """Returns the shape at which a bounded descent of σ₃² from `shape` ends."""
+    from scipy.optimize import minimize
+
     found = minimize(
         sigma_squared,
         shape,

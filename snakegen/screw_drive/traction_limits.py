@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from snakegen.base.geometry import Floats
 from snakegen.errors import DescriptionError
@@ -64,6 +63,8 @@ def steepest_slope(body: Stance, direction: Floats, friction: float) -> Held:
     """
 
     def solve(program: _Program) -> tuple[float, HeldLoad]:
+        from scipy.optimize import brentq
+
         def at(slope: float) -> HeldLoad:
             across = body.gravity @ [0.0, 0.0, -GRAVITY * math.cos(slope)]
             return program(body, across, body.gravity @ (GRAVITY * direction), friction)

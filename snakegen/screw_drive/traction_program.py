@@ -16,7 +16,6 @@ compliance (`load_sharing`). Both optima are certified by weak duality.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import linprog
 
 from snakegen.base.geometry import Floats
 from snakegen.screw_drive.ground_stance import COMPLIANCE, Stance
@@ -134,6 +133,8 @@ def _solve(
     share: Sharing | None,
 ) -> HeldLoad:
     """Solves one program in [F and G of the drums; N of the active contacts; t]."""
+    from scipy.optimize import linprog
+
     drums = np.flatnonzero(body.drums)
     carrying = np.flatnonzero(active)
     n, k = len(drums), len(carrying)

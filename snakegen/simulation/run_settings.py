@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+ARM_STEP = 0.001  # s, of an arm's simulation and of its servos' commands
+
 
 @dataclass(frozen=True)
 class RunSettings:

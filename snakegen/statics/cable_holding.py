@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
 
 from snakegen.base.describe_motion import canonical_basis
 from snakegen.base.geometry import Floats
@@ -113,6 +112,8 @@ def least_holding_tension(
         minimum, maximum: N; minimum above 0, or cables go slack.
         margin: N m/rad, the least eigenvalue asked for.
     """
+    from scipy.optimize import linprog
+
     count = stiffness.arms.shape[1]
     minimum = max(minimum, 1e-6)  # what is slack adds no elasticity
     bounds = [(minimum, None if np.isinf(maximum) else maximum)] * count

@@ -9,8 +9,6 @@ does. The linear program bounds from outside; forces scaled back into their ball
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog, minimize
-from scipy.spatial import ConvexHull
 
 from snakegen.base.geometry import Floats
 from snakegen.robot.allocation_maps import mean_drag
@@ -96,6 +94,8 @@ def least_use(thrust: ThrustMap, load: Floats) -> Relieved:
 
 def _least_forces(thrust: ThrustMap, share: Floats, wanted: Floats, forces: Floats) -> Floats:
     """Returns forces (m, 3) of least norm that reach the share of `forces`; these where none do."""
+    from scipy.optimize import minimize
+
     best = float(np.abs(wanted - share @ forces.ravel()).max())
     room = best * (1.0 + 1e-6) + 1e-9
     squares = thrust.limit**2
@@ -179,6 +179,8 @@ def force_set(thrust: ThrustMap, load: Floats, jacobian: Floats) -> Floats:
 
 def inner_ball(corners: Floats) -> float:
     """Returns the radius of the largest ball about 0 in the hull of corners (c, 3); nan: none."""
+    from scipy.spatial import ConvexHull
+
     if len(corners) < 4 or np.linalg.matrix_rank(corners) < 3:
         return 0.0 if len(corners) else float("nan")
     ends = ConvexHull(corners).equations[:, 3]
@@ -198,6 +200,8 @@ def _within_balls(
     x holds the forces (3 m,) and one more number, in the range `last`. None where nothing is
     feasible; its last entry is inf where the program is unbounded.
     """
+    from scipy.optimize import linprog
+
     bounds = [(-f, f) for f in np.repeat(thrust.limit, 3)] + [last]
     cuts, ends = rows, right
     x: Floats | None = None

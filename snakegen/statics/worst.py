@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import qmc
 
 from snakegen.base.geometry import Floats
 from snakegen.base.rounding import least
@@ -76,6 +75,8 @@ def search(
     Raises:
         AnalysisError: limits that are not finite or upside down.
     """
+    from scipy.stats import qmc
+
     k = len(lower)
     if not (np.all(np.isfinite(lower)) and np.all(np.isfinite(upper)) and np.all(lower <= upper)):
         raise AnalysisError("the worst posture needs finite joint limits, lower ≤ upper.")

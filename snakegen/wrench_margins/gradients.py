@@ -16,7 +16,6 @@ from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from snakegen.errors import AnalysisError
 from snakegen.kernels.margins.inner_radius import radius, work_space
@@ -290,6 +289,8 @@ def _touching(
     m: ThrustMargins, kind: str, value: float, twist: Floats, points: Floats, drag: Floats
 ) -> Optimum:
     """Returns the optimum of a facet: thrusts at limits, and in the facet what balances."""
+    from scipy.optimize import lsq_linear
+
     product = twist @ m.allocation
     size = np.abs(product * (m.upper - m.lower)).max(initial=0.0)
     free = np.abs(product * (m.upper - m.lower)) <= FREE * size

@@ -8,7 +8,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 Floats = NDArray[np.float64]
 Support = Callable[[Floats], tuple[float, Floats]]
@@ -21,6 +20,8 @@ def facets(points: Floats) -> tuple[Floats, Floats]:
 
     Thin hulls are stretched to a round shape first: qhull's tolerance is of the widest extent.
     """
+    from scipy.spatial import ConvexHull
+
     if len(points) < 4:
         return np.empty((0, 3)), np.empty(0)
     middle = points.mean(axis=0)
@@ -81,6 +82,8 @@ def inner_ball_of(
 
     Qhull joggles the points by rounding, since facets of these bodies meet in many of them.
     """
+    from scipy.spatial import ConvexHull
+
     points: list[Floats] = []
     lower, upper, worst = -np.inf, np.inf, np.zeros(size)
     tried, rank = [*np.eye(size), *-np.eye(size)], 0

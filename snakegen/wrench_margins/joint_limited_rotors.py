@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 
 from snakegen.wrench_margins import inputs
 from snakegen.wrench_margins.joint_limited import (
@@ -105,6 +104,8 @@ def _rotors(
     problem = limited_problem(q, hover, scale, rows, bounds)
 
     def solve(e: Floats, part: slice) -> tuple[float, Floats]:
+        from scipy.optimize import linprog
+
         held = held_rows(part)
         found = linprog(
             -(e @ problem.map[part]),

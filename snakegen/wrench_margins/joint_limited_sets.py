@@ -8,7 +8,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 
 from snakegen.kernels.margins.piece_support import piece_support
 from snakegen.wrench_margins import inputs
@@ -108,6 +107,8 @@ def _support(
     problem: LimitedProblem, e: Floats, part: slice, n: int, farthest: Farthest
 ) -> tuple[float, Floats]:
     """Returns an upper bound of the slice's support along e, and forces (3n,) that near it."""
+    from scipy.optimize import linprog
+
     held, k = held_rows(part), len(problem.limit)
     columns = [farthest(j, problem.hover[:3]) for j in range(n)]
     owner, above = list(range(n)), np.inf

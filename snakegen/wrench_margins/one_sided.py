@@ -1,7 +1,6 @@
 """Inputs that change one way alone, at a limit, and the wrench that they therefore cannot add."""
 
 import numpy as np
-from scipy.optimize import linprog
 
 from snakegen.base.geometry import Floats
 
@@ -23,6 +22,8 @@ def one_sided_loss(columns: Floats, rises: Floats, falls: Floats) -> Floats | No
     Returns:
         d, (6,) unit, in the scaled axes of `columns`.
     """
+    from scipy.optimize import linprog
+
     up, down = np.asarray(rises, bool), np.asarray(falls, bool)
     free, single = columns[:, up & down], up != down
     if not single.any():

@@ -7,7 +7,6 @@ A limit on an affine function of the disturbance d is a quadric ``dáµ€A d + 2 bá
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 Floats = NDArray[np.float64]
 FLAT = 1e-14  # share of the largest term below which a coefficient counts as zero
@@ -45,6 +44,8 @@ def nearest_exit(square: Floats, linear: Floats, constant: float) -> Floats:
     while value(high) > 0.0 and high < 1e18 * unit:
         high *= 16.0
     if value(low) > 0.0:
+        from scipy.optimize import brentq
+
         log = brentq(lambda x: value(np.exp(x)), np.log(low), np.log(high), xtol=1e-13, rtol=1e-14)
         return np.asarray(axes @ at(np.exp(log)))
     if values[-1] <= FLAT * unit:

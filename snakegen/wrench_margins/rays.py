@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 
 from snakegen.errors import AnalysisError
 from snakegen.wrench_margins import inputs
@@ -67,6 +66,8 @@ def thrust_ray(
     Raises:
         AnalysisError: shapes that do not fit, NaN, a push of zero.
     """
+    from scipy.optimize import linprog
+
     q = inputs.array("Q", allocation, (6, None))
     low, high = inputs.limits(lower, upper, q.shape[1])
     hover, d = _ray(hover_wrench, push)
@@ -102,6 +103,8 @@ def vectored_ray(
         limits: L, N, one number or (n,).
         hover_wrench, push, bounds: as `thrust_ray`; rows of `bounds` (k, 3n).
     """
+    from scipy.optimize import linprog
+
     q = inputs.array("Q", allocation, (6, None))
     n = q.shape[1] // 3
     limit = inputs.per_unit("limits", limits, n)

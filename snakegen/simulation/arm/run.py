@@ -28,11 +28,11 @@ from snakegen.simulation.monte_carlo import Spread
 from snakegen.simulation.recording.metrics import metrics
 from snakegen.simulation.recording.recording import Channel, Recording, channel
 from snakegen.simulation.recording.worst_place import judged_verdict
+from snakegen.simulation.run_settings import ARM_STEP as STEP
 from snakegen.simulation.run_settings import RunSettings
 from snakegen.statics.joint_torques import armature, finite
 from snakegen.statics.tip import Tip, find_tip
 
-STEP = 0.001  # s, of the simulation and of the servos' commands
 LOGGED = 0.002  # s, between rows of the log
 GAP = 0.0035  # of a servo's limit: torque that the law of the motion made may leave unexplained
 TIP_SIGMAS = 2.0  # expected errors of the tip that a run may have

@@ -6,9 +6,9 @@ triangle (or polygon) of the drums that stay down, and in which these steer.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from snakegen.base.geometry import Floats
 from snakegen.errors import MissionError
@@ -66,7 +66,9 @@ class Gait:
         return self.stages[-1].at(t)
 
     @cached_property
-    def _splines(self) -> tuple[CubicSpline, CubicSpline]:
+    def _splines(self) -> tuple[Any, Any]:
+        from scipy.interpolate import CubicSpline
+
         time = np.arange(0.0, self.duration + 2 * _SAMPLE, _SAMPLE)
         heights = Heights(self.stance.geometry, self.stance.pitch_first)
         states, bends = [], []

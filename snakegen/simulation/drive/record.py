@@ -6,6 +6,7 @@ import numpy as np
 
 from snakegen import __version__
 from snakegen.base.geometry import Floats
+from snakegen.base.sample_store import in_pieces
 from snakegen.errors import MissionError
 from snakegen.robot.losses import NONE
 from snakegen.robot.robot import Robot
@@ -14,7 +15,13 @@ from snakegen.screw_drive.kinematics import ScrewGeometry
 from snakegen.simulation.drive.plan import DrivePlan, choice, rates
 from snakegen.simulation.drive.run import Driven, pitch_joints, run_contact, run_kinematic
 from snakegen.simulation.recording.metrics import metrics
-from snakegen.simulation.recording.recording import Channel, Event, Recording, channel
+from snakegen.simulation.recording.recording import (
+    Channel,
+    Event,
+    Recording,
+    channel,
+    held_channel,
+)
 from snakegen.simulation.recording.worst_place import judged_verdict
 from snakegen.simulation.run_settings import NOMINAL, RunSettings
 
@@ -130,28 +137,28 @@ def beside_open_ground(free: dict[str, Any]) -> dict[str, Any]:
 def record(driven: Driven, meta: dict[str, Any]) -> Recording:
     """Returns the recording of a drive."""
     robot, g, rows = driven.robot, driven.geometry, driven.rows
-    time, base = rows["time"], rows["base"]
+    time, base = np.array(rows["time"]), rows["base"]
     names = _Names(robot)
     at = [robot.joint_names.index(n) for n in names.joints]
-    channels = _pose(rows, g, robot)
+    channels = _pose(rows, g)
     slow = np.arange(0, len(time), max(1, round(1.0 / (DRAWN * (time[1] - time[0])))))
     q = configurations(robot, base[slow], rows["joints"][slow])
     channels["q"] = channel("q", q, names.q, time=time[slow])
-    channels["joint_angle"] = channel("joint_angle", rows["joints"][:, at], names.joints)
-    channels["screw_rate"] = channel("screw_rate", rows["rate"], names.screws)
-    asked = rows["command"][:, : g.units]
-    channels["screw_rate_command"] = channel(
+    angle = in_pieces(len(time), lambda part: (rows["joints"][part][:, at],))[0]
+    channels["joint_angle"] = held_channel("joint_angle", angle, names.joints)
+    channels["screw_rate"] = held_channel("screw_rate", rows["rate"], names.screws)
+    channels["screw_rate_command"] = held_channel(
         "screw_rate_command",
-        asked,
+        rows["command"][:, : g.units],
         names.screws,
         unit="rad/s",
         group="screw rate command",
         meaning="commanded rate of each screw",
     )
-    channels["slip"] = channel("slip", rows["slip"], names.screws)
-    error = rows["state"] - rows["desired"]
+    channels["slip"] = held_channel("slip", rows["slip"], names.screws)
+    error = in_pieces(len(time), lambda part: (rows["state"][part] - rows["desired"][part],))[0]
     labels = ["x", "y", "heading", *(n.removesuffix("_yaw") for n in yaw_joints(robot))]
-    channels["state_error"] = channel(
+    channels["state_error"] = held_channel(
         "state_error",
         error,
         labels,
@@ -164,18 +171,23 @@ def record(driven: Driven, meta: dict[str, Any]) -> Recording:
     return Recording(time, channels, events, _meta(robot, names, meta))
 
 
-def _pose(rows: dict[str, Floats], g: ScrewGeometry, robot: Robot) -> dict[str, Channel]:
+def _pose(rows: dict[str, Floats], g: ScrewGeometry) -> dict[str, Channel]:
     """Returns the head's place and heading, and where they should be."""
     desired, base = rows["desired"], rows["base"]
-    goal = np.zeros((len(desired), 3))
-    goal[:, :2], goal[:, 2] = desired[:, :2], g.r
-    turn = np.zeros((len(desired), 4))
-    turn[:, 2], turn[:, 3] = np.sin(desired[:, 2] / 2), np.cos(desired[:, 2] / 2)
+
+    def targets(part: slice) -> tuple[Floats, Floats]:
+        wanted = desired[part]
+        goal, turn = np.zeros((len(wanted), 3)), np.zeros((len(wanted), 4))
+        goal[:, :2], goal[:, 2] = wanted[:, :2], g.r
+        turn[:, 2], turn[:, 3] = np.sin(wanted[:, 2] / 2), np.cos(wanted[:, 2] / 2)
+        return goal, turn
+
+    goal, turn = in_pieces(len(desired), targets)
     return {
-        "position": channel("position", base[:, :3]),
-        "position_target": channel("position_target", goal),
-        "attitude": channel("attitude", base[:, 3:], meaning="root link, quaternion xyzw"),
-        "attitude_target": channel("attitude_target", turn),
+        "position": held_channel("position", base[:, :3]),
+        "position_target": held_channel("position_target", goal),
+        "attitude": held_channel("attitude", base[:, 3:], meaning="root link, quaternion xyzw"),
+        "attitude_target": held_channel("attitude_target", turn),
     }
 
 
@@ -184,8 +196,8 @@ def _contact(rows: dict[str, Floats], names: "_Names") -> dict[str, Channel]:
     if "load" not in rows:
         return {}
     out = {
-        "joint_torque": channel("joint_torque", rows["torque"], names.joints),
-        "joint_command": channel("joint_command", rows["asked"], names.joints),
+        "joint_torque": held_channel("joint_torque", rows["torque"], names.joints),
+        "joint_command": held_channel("joint_command", rows["asked"], names.joints),
     }
     spatial = [f"{s}_{axis}" for s in names.screws for axis in "xyz"]
     for name, row, labels, unit, group, meaning in (
@@ -195,7 +207,8 @@ def _contact(rows: dict[str, Floats], names: "_Names") -> dict[str, Channel]:
         ("contact_point", "contact_point", spatial, "m", "contact point", "mean of each drum"),
         ("contact_force", "contact_force", spatial, "N", "contact force", "ground on each drum"),
     ):
-        out[name] = channel(name, rows[row], labels, unit=unit, group=group, meaning=meaning)
+        about = {"unit": unit, "group": group, "meaning": meaning}
+        out[name] = held_channel(name, rows[row], labels, **about)
     return out
 
 

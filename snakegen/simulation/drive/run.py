@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from snakegen.base.geometry import Floats, xyzw_from_wxyz
+from snakegen.base.sample_store import RowStore
 from snakegen.description.mjcf.decorate import decorate
 from snakegen.description.mjcf.rolling_contact import meet_rollers
 from snakegen.errors import MissionError
@@ -47,19 +48,9 @@ class Driven:
 
     robot: Robot
     geometry: ScrewGeometry
-    rows: dict[str, Any] = field(default_factory=dict)
+    rows: dict[str, Floats] = field(default_factory=dict)
     stopped: str = ""
     events: list[tuple[float, str, str]] = field(default_factory=list)
-
-    def add(self, **values: Any) -> None:
-        """Appends one tick."""
-        for name, value in values.items():
-            self.rows.setdefault(name, []).append(np.array(value, float))
-
-    def done(self) -> "Driven":
-        """Makes arrays of the rows."""
-        self.rows = {name: np.array(rows) for name, rows in self.rows.items()}
-        return self
 
 
 def law_of(robot: Robot, geometry: ScrewGeometry, plan: DrivePlan) -> ScrewLaw:
@@ -146,8 +137,8 @@ def run_contact(
     hardware.change_bodies(model)
     cable, tail = CableDrag(hardware.losses), tail_of(robot)
     drive.reset(plan.start)
-    out, record = Driven(robot, geometry), _Recorder(robot, drive)
     ticks = round(plan.duration / PERIOD) + 1
+    out, record, rows = Driven(robot, geometry), _Recorder(robot, drive), RowStore(ticks)
     steps = max(1, round(PERIOD / model.opt.timestep))
     out.events = [(t, "INFO", text) for t, text in plan.events]
     t, drift = 0.0, np.zeros(len(plan.start))
@@ -169,7 +160,7 @@ def run_contact(
             seen = hardware.measured(drive.read(), PERIOD)
             drift[:3] += plan.integral * PERIOD * (seen - desired)[:3]
             u = law.command(seen, desired - drift, rate)
-            record.add(out, t, w, desired, u)
+            record.add(rows, t, w, desired, u)
             drive.step(hardware.given(u), steps)
             # the body's speed: a wheel of a few grams may well spin fast
             if not float(np.abs(drive.data.qvel[:6]).max()) < _LOST:
@@ -184,7 +175,8 @@ def run_contact(
     except KeyboardInterrupt:
         out.stopped = f"interrupted at {t:.2f} s"
         out.events.append((t, "WARN", out.stopped))
-    return out.done()
+    out.rows = rows.arrays()
+    return out
 
 
 def _let_go(drive: ContactDrive, w: Floats, desired: Floats) -> bool:
@@ -224,7 +216,7 @@ class _Recorder:
         names = [n for n in robot.chain_joints if n in {s.joint for s in robot.modules.servos}]
         self.servos = [model.actuator(n).id for n in names]
 
-    def add(self, out: Driven, t: float, w: Floats, desired: Floats, u: Floats) -> None:
+    def add(self, out: RowStore, t: float, w: Floats, desired: Floats, u: Floats) -> None:
         """Appends the tick at time t."""
         drive, data = self.drive, self.drive.data
         joints = np.zeros(self.count)

@@ -5,7 +5,6 @@ its yaw joints it stands on a triangle. HA drives in the plane; this goes beyond
 """
 
 import numpy as np
-from scipy.optimize import nnls
 
 from snakegen.base.geometry import Floats, rotation_about, rotation_from_rpy
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
@@ -46,6 +45,8 @@ class Heights:
         ``min |C z − c|²`` with ``R z ≥ f``: the least-distance problem of Lawson and Hanson, whose
         dual is a non-negative least-squares problem.
         """
+        from scipy.optimize import nnls
+
         wish = np.concatenate([self.weight * least, np.zeros(len(self.cost) - len(least))])
         free = self.inverse @ wish
         _, r = np.linalg.qr(self.cost)

@@ -15,12 +15,13 @@ import numpy as np
 
 from snakegen.analysis.allocation import allocation
 from snakegen.base.geometry import Floats, skew
+from snakegen.base.sample_store import slices
 from snakegen.control.controller import Controller
 from snakegen.control.frame import cog_frame
 from snakegen.kernels.control.types import DUAL
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.robot.robot import GRAVITY, Robot
-from snakegen.simulation.flight.plan import Plan, is_constant
+from snakegen.simulation.flight.plan import Plan, farthest, gradient
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.postures import place
 from snakegen.simulation.flight.trim import SETTLING
@@ -93,10 +94,7 @@ def sources(
 def postures(plan: Plan) -> list[tuple[Floats, Floats]]:
     """Returns joints (k,) and attitude (3, 3) of a few instants of a plan, its first one first."""
     rows, turns = plan.joints[plan.trim :], plan.rotation[plan.trim :]
-    moves = sum(
-        0.0 if is_constant(values) else np.abs(values - values[0]).max(initial=0.0)
-        for values in (rows, turns)
-    )
+    moves = sum(farthest(values) for values in (rows, turns))
     at = np.linspace(0, len(rows) - 1, POSTURES).astype(int) if moves > 1e-6 else [0]
     return [(rows[k], turns[k]) for k in at]
 
@@ -173,14 +171,18 @@ def lags(controller: Controller, plan: Plan, what: Imperfections, rate: float) -
         rate: Hz, of motion capture.
     """
     law, late = controller.law, what.delay + 0.5 / rate
-    rows = slice(plan.trim, None)
-    if len(plan.time[rows]) < 3:
+    time, spin, speed, bend = (
+        rows[plan.trim :] for rows in (plan.time, plan.angular, plan.velocity, plan.acceleration)
+    )
+    if len(time) < 3:
         return np.zeros(6)
-    turned = np.gradient(plan.angular[rows], plan.time[rows], axis=0)
     force, torque = law.force, law.torque
-    moved = late * np.hypot(plan.velocity[rows], plan.acceleration[rows] * force[2] / force[0])
-    errors = np.hstack([moved, turned / torque[0]])
-    return np.asarray(np.sqrt(np.mean(errors**2, axis=0)))
+    squares = np.zeros(6)
+    for part in slices(len(time)):
+        turned = gradient(spin, time, part)
+        moved = late * np.hypot(speed[part], bend[part] * force[2] / force[0])
+        squares += np.sum(np.hstack([moved, turned / torque[0]]) ** 2, axis=0)
+    return np.asarray(np.sqrt(squares / len(time)))
 
 
 def _moved(robot: Robot, q: Floats, name: str) -> Floats:

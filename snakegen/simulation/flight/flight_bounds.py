@@ -28,7 +28,7 @@ from snakegen.control.controller import Controller
 from snakegen.control.frame import cog_frame
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.error_budget import expected_errors, sources
-from snakegen.simulation.flight.plan import Plan
+from snakegen.simulation.flight.plan import Plan, farthest
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.stream_budget import stream_errors
 
@@ -116,7 +116,7 @@ def trim_sigmas(
 
 def stays(plan: Plan) -> bool:
     """Tells whether a plan is a hover in one pose and posture, of a second or more."""
-    moves = np.ptp(plan.position, axis=0).max() + np.ptp(plan.joints, axis=0).max(initial=0.0)
+    moves = farthest(plan.position) + farthest(plan.joints)
     lasts = float(plan.time[-1] - plan.time[0])
     return bool(moves < 1e-9 and not plan.on_floor and lasts >= LEAST)
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.base.geometry import Floats
+from snakegen.base.sample_store import release_all
 from snakegen.control.controller import Controller
 from snakegen.kernels.control.types import REFUSED, Measured, State, Target
 from snakegen.kernels.flight.flight import ASTRAY, DIVERGED, LOST, fly_ticks, thrusts_into
@@ -248,6 +249,7 @@ class _Run:
         """Gives back rows before `taken`, and references that neither log nor delay ask for."""
         self.log.drop(taken)
         self.window.drop(min(taken, ticks - self.plant.delay - 2))
+        release_all()  # what was read of the plan
 
     def fell(self, ticks: int) -> int | None:
         """Returns the tick at which the robot fell, of those flown; None while it flies."""

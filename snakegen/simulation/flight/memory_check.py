@@ -2,7 +2,7 @@
 
 from snakegen.base.memory import refuse_beyond, room
 from snakegen.robot.robot import Robot
-from snakegen.simulation.arm.run import STEP
+from snakegen.simulation.run_settings import ARM_STEP
 
 # Peak bytes a tick and degree of freedom of runs that are held whole, from plan to written log:
 # 361 measured of screw4 (wheels count as none), 132 of arm6; flights with elastic links as drives.
@@ -24,7 +24,9 @@ def refuse_too_long(robot: Robot, seconds: float, at_once: int = 1) -> None:
     """
     if not seconds > 0:
         return
-    rate = float(robot.modules.control.get("attitude_rate", 200.0)) if robot.floating else 1 / STEP
+    rate = (
+        float(robot.modules.control.get("attitude_rate", 200.0)) if robot.floating else 1 / ARM_STEP
+    )
     freedoms = 6 + len(robot.chain_joints) + len(robot.gimbal_names) + len(robot.modules.screws)
     own = robot.modules
     elastic = own.plant.get("link_stiffness", 0.0) or own.control.get("vibration_damping", 0.0)

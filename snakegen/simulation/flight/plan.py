@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from snakegen.base.geometry import Floats, rotation_from_xyzw
+from snakegen.base.sample_store import in_pieces, slices
 from snakegen.errors import MissionError
 from snakegen.scene.solids import Solid
 
@@ -99,6 +100,14 @@ def is_constant(rows: Floats) -> bool:
     return len(rows) > 1 and rows.strides[0] == 0
 
 
+def farthest(rows: Floats) -> float:
+    """Returns the largest difference of any number in rows of a plan from the first row's."""
+    if is_constant(rows):
+        return 0.0
+    found = (np.abs(rows[part] - rows[0]).max(initial=0.0) for part in slices(len(rows)))
+    return float(max(found, default=0.0))
+
+
 def quintic(s: ArrayLike) -> tuple[Floats, Floats, Floats]:
     """Returns value, slope and curvature of ``10 s³ − 15 s⁴ + 6 s⁵`` on 0…1, held outside."""
     inside = np.clip(np.asarray(s, float), 0.0, 1.0)
@@ -125,16 +134,31 @@ def through(time: Floats, knots: ArrayLike, points: ArrayLike) -> tuple[Floats, 
     at, goal = np.asarray(knots, float), np.asarray(points, float)
     if at.ndim != 1 or len(at) != len(goal) or np.any(np.diff(at) <= 0):
         raise MissionError(f"waypoint times {at.tolist()} must rise, one for each waypoint.")
-    value = np.repeat(goal[:1], len(time), axis=0)
-    rate, bend = np.zeros_like(value), np.zeros_like(value)
-    for k in range(len(at) - 1):
-        span = at[k + 1] - at[k]
-        f, df, ddf = quintic((time - at[k]) / span)
-        step = goal[k + 1] - goal[k]
-        value += f[:, None] * step
-        rate += df[:, None] * step / span
-        bend += ddf[:, None] * step / span**2
+
+    def rows(part: slice) -> tuple[Floats, Floats, Floats]:
+        now = time[part]
+        value = np.repeat(goal[:1], len(now), axis=0)
+        rate, bend = np.zeros_like(value), np.zeros_like(value)
+        for k in range(len(at) - 1):
+            span = at[k + 1] - at[k]
+            if at[k] > now[-1]:
+                break
+            f, df, ddf = quintic((now - at[k]) / span)
+            step = goal[k + 1] - goal[k]
+            value += f[:, None] * step
+            rate += df[:, None] * step / span
+            bend += ddf[:, None] * step / span**2
+        return value, rate, bend
+
+    value, rate, bend = in_pieces(len(time), rows)
     return value, rate, bend
+
+
+def gradient(values: Floats, time: Floats, part: slice) -> Floats:
+    """Returns the derivatives of some rows (n, k) of values (T, k) at times (T,) [s]."""
+    around = slice(max(part.start - 1, 0), part.stop + 1)
+    found = np.gradient(values[around], time[around], axis=0)
+    return np.asarray(found[part.start - around.start :][: part.stop - part.start])
 
 
 def knots_for(points: ArrayLike, rate: float, *, start: float = 0.0, least: float = 1.0) -> Floats:

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from snakegen.base.geometry import Floats
+from snakegen.base.sample_store import in_pieces
 from snakegen.errors import MissionError
 from snakegen.planning.body import attitude
 from snakegen.planning.plan_file import PlanFile, read_plan
@@ -51,21 +52,18 @@ def flight_of(robot: Robot, file: PlanFile, rate: float, duration: float | None 
 
 def follow(robot: Robot, path: Trajectory, time: Floats, at: Floats, **more: Any) -> Plan:
     """Returns references along `path`, at its own times `at` (T,) for the plan's `time` (T,)."""
-    pose, speed, bend = path.at(at), path.at(at, 1), path.at(at, 2)
-    first, turn = pose[0], attitude(np.zeros(3), path.heading).T  # from exp(r)'s axes to the link's
-    return Plan(
-        time,
-        pose[:, :3],
-        speed[:, :3],
-        bend[:, :3],
-        np.array([attitude(r, path.heading) for r in pose[:, 3:6]]),
-        np.array(
-            [turn @ (pin.Jexp3(r) @ d) for r, d in zip(pose[:, 3:6], speed[:, 3:6], strict=True)]
-        ),
-        pose[:, 6:],
-        place(robot, first[6:], first[:3], attitude(first[3:6], path.heading)),
-        **more,
-    )
+    first = path.at(at[:1])[0]
+    turn = attitude(np.zeros(3), path.heading).T  # from exp(r)'s axes to the link's
+
+    def rows(part: slice) -> tuple[Floats, ...]:
+        pose, speed, bend = (path.at(at[part], order) for order in (0, 1, 2))
+        spun = [turn @ (pin.Jexp3(r) @ d) for r, d in zip(pose[:, 3:6], speed[:, 3:6], strict=True)]
+        turned = np.array([attitude(r, path.heading) for r in pose[:, 3:6]])
+        return pose[:, :3], speed[:, :3], bend[:, :3], turned, np.array(spun), pose[:, 6:]
+
+    start = place(robot, first[6:], first[:3], attitude(first[3:6], path.heading))
+    position, speed, bend, turned, spun, joints = in_pieces(len(time), rows)
+    return Plan(time, position, speed, bend, turned, spun, joints, start, **more)
 
 
 def _judged(file: PlanFile) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from snakegen.base.sample_store import slices
 from snakegen.control.controller import MODES, Controller
 from snakegen.control.frame import CogFrame, cog_frame
 from snakegen.control.lost_motion import frame_loss
@@ -30,10 +31,13 @@ def check_references(robot: Robot, plan: Plan) -> None:
     """
     names = driven_joints(robot)
     low, high, _ = robot.limits(names)
-    joints = plan.joints[:1] if is_constant(plan.joints) else plan.joints
-    beyond = np.argwhere((joints < low - 1e-9) | (joints > high + 1e-9))
-    if len(beyond):
-        k, i = beyond[0]
+    count = 1 if is_constant(plan.joints) else len(plan.joints)
+    for part in slices(count):
+        joints = plan.joints[part]
+        beyond = np.argwhere((joints < low - 1e-9) | (joints > high + 1e-9))
+        if not len(beyond):
+            continue
+        k, i = part.start + beyond[0][0], beyond[0][1]
         raise MissionError(
             f"the mission leads {names[i]} to {plan.joints[k, i]:.3f} rad at {plan.time[k]:.2f} s; "
             f"its limits are {low[i]:g} … {high[i]:g}."
@@ -63,14 +67,20 @@ def _check_rates(robot: Robot, plan: Plan, names: list[str]) -> None:
     if is_constant(plan.joints):
         return
     most = turning_rates(robot, names)
-    turned = np.abs(np.diff(plan.joints, axis=0)) / np.diff(plan.time)[:, None]
-    beyond = np.argwhere(turned > most * (1.0 + 1e-6))
-    if not len(beyond):
+    fastest, when = np.zeros(len(names)), np.zeros(len(names), int)
+    beyond: list[int] = []  # the joints, in order of time
+    for part in slices(len(plan.time) - 1):
+        rows = slice(part.start, part.stop + 1)
+        turned = np.abs(np.diff(plan.joints[rows], axis=0)) / np.diff(plan.time[rows])[:, None]
+        beyond += np.argwhere(turned > most * (1.0 + 1e-6))[:1, 1].tolist()
+        peak = turned.max(axis=0)
+        when = np.where(peak > fastest, part.start + turned.argmax(axis=0), when)
+        fastest = np.maximum(fastest, peak)
+    if not beyond:
         return
-    i = int(beyond[0][1])
-    k = int(np.argmax(turned[:, i]))
+    i = beyond[0]
     raise MissionError(
-        f"the mission turns {names[i]} at {turned[k, i]:.3g} rad/s at {plan.time[k]:.2f} s; "
+        f"the mission turns {names[i]} at {fastest[i]:.3g} rad/s at {plan.time[when[i]]:.2f} s; "
         f"its servo turns at {most[i]:g} at most: leave the motion more time."
     )
 

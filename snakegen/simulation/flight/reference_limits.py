@@ -10,11 +10,12 @@ import pinocchio as pin
 
 from snakegen.analysis.allocation import Allocation, allocation
 from snakegen.base.geometry import Floats
+from snakegen.base.sample_store import in_pieces
 from snakegen.control.controller import Controller
 from snakegen.errors import MissionError
 from snakegen.kernels.control.types import DUAL
 from snakegen.robot.robot import GRAVITY, Robot
-from snakegen.simulation.flight.plan import Plan, is_constant
+from snakegen.simulation.flight.plan import Plan, gradient, is_constant
 from snakegen.simulation.flight.postures import driven_joints, place
 
 SAMPLES = 20  # instants looked at, besides the fastest and the most accelerated
@@ -33,7 +34,10 @@ def check_motion(robot: Robot, controller: Controller, plan: Plan) -> None:
     if all(is_constant(rows) and not np.any(rows[0]) for rows in (plan.acceleration, plan.angular)):
         return
     turned = _angular_acceleration(plan)
-    sizes = [np.linalg.norm(x, axis=1) for x in (plan.acceleration, plan.angular, turned)]
+    motions = (plan.acceleration, plan.angular, turned)
+    sizes = in_pieces(
+        len(plan.time), lambda part: tuple(np.linalg.norm(x[part], axis=1) for x in motions)
+    )
     if max(size.max() for size in sizes) < _STILL:
         return
     even = np.linspace(0, len(plan.time) - 1, SAMPLES).astype(int)
@@ -70,11 +74,17 @@ def check_motion(robot: Robot, controller: Controller, plan: Plan) -> None:
 
 def _angular_acceleration(plan: Plan) -> Floats:
     """Returns (T, 3) rad/s², the CoG frame's axes."""
-    if len(plan.time) < 3:
+    count = len(plan.time)
+    if count < 3:
         return np.zeros_like(plan.angular)
-    out = np.gradient(plan.angular, plan.time, axis=0)
-    out[[0, -1]] = 0.0  # a plan may begin and end in motion
-    return np.asarray(out)
+
+    def rows(part: slice) -> tuple[Floats]:
+        out = gradient(plan.angular, plan.time, part)
+        at = np.arange(part.start, part.stop)
+        out[(at == 0) | (at == count - 1)] = 0.0  # a plan may begin and end in motion
+        return (out,)
+
+    return in_pieces(count, rows)[0]
 
 
 def _use(robot: Robot, a: Allocation, mode: int, wrench: Floats) -> float:

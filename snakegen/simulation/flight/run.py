@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.base.memory import trim
-from snakegen.base.sample_store import SampleStore
+from snakegen.base.sample_store import SampleStore, samples_in
 from snakegen.control.controller import Controller, flight_controller, gain_set
 from snakegen.control.servos import bounded_joints
 from snakegen.errors import MissionError
@@ -27,13 +27,15 @@ from snakegen.simulation.flight.vibration import OFF, Damping, check_redundancy,
 from snakegen.simulation.flight.world import World, make_world
 from snakegen.simulation.missions import is_file, mission
 from snakegen.simulation.missions.options import checked_options
-from snakegen.simulation.recording.blocks import Blocks, Recorder
+from snakegen.simulation.recording.blocks import Behind, Recorder
 from snakegen.simulation.recording.flight_report import flight_report
 from snakegen.simulation.recording.metrics import metrics
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS
 from snakegen.simulation.recording.worst_place import judged_verdict
 from snakegen.simulation.run_settings import RunSettings
+
+_MODES = ("dual_rotor", "virtual_single_rotor")
 
 
 def run(
@@ -62,20 +64,20 @@ def run(
         progress: called with ticks flown and ticks in all.
         keep: called with the recording of each whole second of a flight; drives and arms have
             none.
-        folder: for the samples of a flight until its recording is dropped, in a nameless file;
-            the system's folder for temporary files if not given.
+        folder: for the samples of a run until its recording is dropped, in a nameless file; the
+            system's folder for temporary files if not given.
 
     Raises:
         MissionError: the mission does not suit the robot, or cannot start from its posture.
     """
     module = mission(name, robot)
-    if hasattr(module, "fly"):  # no aerial flight: the mission has a loop of its own
-        chosen = checked_options(name, module.Options, options or {})
-        return module.fly(robot, chosen, RunSettings(seed, ideal, progress))  # type: ignore[no-any-return]
-    ready = prepare(robot, name, gains=gains, allocator=allocator, ideal=ideal, options=options)
-    world = ready.world()
-    rng = np.random.default_rng(seed)
-    return ready.flown(world, ready.imperfections, rng, seed, progress, keep=keep, folder=folder)
+    with samples_in(folder):
+        if hasattr(module, "fly"):  # no aerial flight: the mission has a loop of its own
+            chosen = checked_options(name, module.Options, options or {})
+            return module.fly(robot, chosen, RunSettings(seed, ideal, progress))  # type: ignore[no-any-return]
+        ready = prepare(robot, name, gains=gains, allocator=allocator, ideal=ideal, options=options)
+        world, rng = ready.world(), np.random.default_rng(seed)
+        return ready.flown(world, ready.imperfections, rng, seed, progress, keep=keep)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,29 +143,14 @@ class Ready:
         servos = len(bounded_joints(self.robot))
         noise = NoiseStream(imperfections, rng, *sizes, rate=rate, hinges=shares, servos=servos)
         told = self.meta | {"seed": seed, "plant": vars(imperfections)}
-        blocks = None if keep is None else Blocks(world, plan, self.controller, told, keep)
         trim()  # what planning took
         windy = bool(np.any(noise.wind)) or (plan.wind is not None and bool(np.any(plan.wind)))
         recorder = Recorder(
-            world, plan, self.controller, SampleStore(folder), told, windy=windy, margins=margins
-        )
-
-        def watch(ticks: int, rows: Callable[[int, int], Flown]) -> int:
-            if blocks is not None:
-                blocks.flown(ticks, rows)
-            return recorder.flown(ticks, rows)
-
-        flown = fly(
-            world,
-            plan,
-            self.controller,
-            noise,
-            imperfections,
-            position_rate=self.position_rate,
-            damping=self.damping,
-            progress=None if progress is None else lambda k: progress(k, count),
-            watch=watch,
-        )
+            world, plan, self.controller, SampleStore(folder), told,
+            windy=windy, margins=margins, keep=keep,
+        )  # fmt: skip
+        with Behind(recorder.add, aside=keep is not None) as behind:
+            flown = self._fly(world, noise, imperfections, recorder, behind, progress)
         recorder.finish(flown)
         trim()
         window = plan.window or (0.0, float(plan.time[-1]))
@@ -172,6 +159,8 @@ class Ready:
             "stopped": flown.stopped,
             "metrics_window_s": [min(window[0], end), end],
         }
+        if plan.mode is not None:
+            meta["mode_changes"] = _mode_changes(plan, recorder.done)
         if plan.drawn is not None:
             meta["facts"] = meta["facts"] | plan.drawn(noise.thrust_factor)
         if flown.trimmed:
@@ -181,10 +170,42 @@ class Ready:
             asked = hover_sigmas(self.robot, self.controller, plan, recorder.wanted_torque())
             if asked is not None:
                 meta["hover_sigmas"] = asked
-        if imperfections.link_stiffness > 0:
-            modes = modal_frequencies(world.model, flown.qpos[0])  # elastic: all rows are here
+        if imperfections.link_stiffness > 0 and recorder.bends is not None:
+            modes = modal_frequencies(world.model, recorder.bends.start)
             meta["modal_frequencies_hz"] = [round(float(f), 3) for f in modes]
         return judge(recorder.recording(flown.events, meta), plan)
+
+    def _fly(
+        self,
+        world: World,
+        noise: NoiseStream,
+        imperfections: Imperfections,
+        recorder: Recorder,
+        behind: Behind,
+        progress: Callable[[int, int], Any] | None,
+    ) -> Flown:
+        """Flies it, whole pieces handed to `behind`; returns the ticks after the last of them."""
+        count, taken = len(self.plan.time), 0
+
+        def watch(ticks: int, rows: Callable[[int, int], Flown]) -> int:
+            nonlocal taken
+            whole = recorder.whole(ticks)
+            if whole > taken:
+                behind.put(rows(taken, whole))
+                taken = whole
+            return taken
+
+        return fly(
+            world,
+            self.plan,
+            self.controller,
+            noise,
+            imperfections,
+            position_rate=self.position_rate,
+            damping=self.damping,
+            progress=None if progress is None else lambda k: progress(k, count),
+            watch=watch,
+        )
 
 
 def prepare(
@@ -217,14 +238,13 @@ def prepare(
         usual = 0.0 if plan.on_floor else SECONDS
         plan = trimmed(plan, usual if asked.trim is None else asked.trim)
     check_start(robot, controller, plan, force=getattr(asked, "force", False) is True)
-    modes = ("dual_rotor", "virtual_single_rotor")
     if plan.tracked:
         bounds: dict[str, dict[str, Any] | None] = tracking_bounds(
             robot,
             controller,
             plan,
             plan.kind or module.__name__.rsplit(".", 1)[-1],
-            modes[controller.mode],
+            _MODES[controller.mode],
         )
         plan = replace(plan, thresholds=bounds | plan.thresholds)
     damping = Damping.of(control)
@@ -241,7 +261,7 @@ def prepare(
     meta = {
         "mission": module.__name__.rsplit(".", 1)[-1],
         "options": {k: v for k, v in given.items() if v is not None},
-        "mode": modes[controller.mode],
+        "mode": _MODES[controller.mode],
         "gains": gains or str(control.get("gains", "")),
         "allocator": allocator,
         "ideal": ideal,
@@ -261,6 +281,13 @@ def prepare(
         meta,
         damping,
     )
+
+
+def _mode_changes(plan: Plan, ticks: int) -> list[list[Any]]:
+    """Returns when the mode flown changes [s], and to which, in the first ticks of a plan."""
+    mode = np.asarray(plan.mode)[:ticks].astype(int)
+    at = np.flatnonzero(np.diff(mode)) + 1
+    return [[float(plan.time[k]), _MODES[mode[k]]] for k in at]
 
 
 def judge(recording: Recording, plan: Plan) -> Recording:

@@ -15,7 +15,7 @@ from snakegen.kernels.flight.aerodynamics import JET_SPREAD
 from snakegen.robot.robot import Robot
 from snakegen.robot.rotor_streams import mean_inflow, thrust_kept
 from snakegen.simulation.flight.mujoco_arrays import stations
-from snakegen.simulation.flight.plan import Plan, is_constant
+from snakegen.simulation.flight.plan import Plan, farthest
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.postures import place
 from snakegen.simulation.flight.world import World, make_world
@@ -32,8 +32,7 @@ def stream_errors(robot: Robot, controller: Controller, plan: Plan, what: Imperf
     is trimmed there. A shape that stays has 0: what its streams take is taken from the start.
     """
     rows = plan.joints[plan.trim :]
-    still = is_constant(rows) or np.abs(rows - rows[0]).max(initial=0.0) <= 1e-6
-    if what.air_density == 0.0 or not what.downwash or still:
+    if what.air_density == 0.0 or not what.downwash or farthest(rows) <= 1e-6:
         return np.zeros(6)
     world = make_world(robot, floor=False)
     picked = rows[np.unique(np.linspace(0, len(rows) - 1, POSTURES).astype(int))]

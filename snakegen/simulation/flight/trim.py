@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from snakegen.base.sample_store import in_pieces
 from snakegen.control.gains import Floats
 from snakegen.errors import MissionError
 from snakegen.kernels.control.types import Law, State
@@ -59,14 +60,14 @@ def trimmed(plan: Plan, seconds: float) -> Plan:
                 if rows is None
                 else np.broadcast_to(rows[0], (count + len(rows), *rows[0].shape))
             )
-        return np.concatenate([np.repeat(rows[:1], count, 0), rows])
+        return _behind(np.repeat(rows[:1], count, 0), rows)
 
     def still(rows: Any) -> Any:
         if rows is None:
             return None
         if rows.strides[0] == 0 and not np.any(rows[0]):
             return held(rows)
-        return np.concatenate([np.zeros((count, *np.shape(rows)[1:])), rows])
+        return _behind(np.zeros((count, *np.shape(rows)[1:])), rows)
 
     return replace(
         plan,
@@ -83,6 +84,17 @@ def trimmed(plan: Plan, seconds: float) -> Plan:
         window=plan.window or (float(plan.time[0]), float(plan.time[-1])),
         trim=count,
     )
+
+
+def _behind(first: Floats, rows: Floats) -> Floats:
+    """Returns `rows` behind `first`; those of a long run come in pieces."""
+    count = len(first)
+
+    def both(part: slice) -> tuple[Floats]:
+        late = slice(max(part.start - count, 0), max(part.stop - count, 0))
+        return (np.concatenate([first[part], rows[late]]),)
+
+    return in_pieces(count + len(rows), both)[0]
 
 
 def integral_rates(law: Law) -> Floats:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq, minimize
 
 from snakegen.control.underactuated import gimbals_for
 from snakegen.simulation.push.quasi_static import (
@@ -52,6 +51,8 @@ def follow(load: Load, guess: float) -> LoadedReach:
         load: body, controller (its pseudo-inverse allocator) and push.
         guess: multiple of the push to expect; sets the stride.
     """
+    from scipy.optimize import brentq
+
     good, t = Steady.hovering(load), 0.0
     if not good.settle(0.0) or good.room()[0] < 0.0:
         return LoadedReach(float("nan"), load.q, ())
@@ -85,6 +86,8 @@ def farthest(load: Load, start: Floats) -> LoadedReach:
         load: body, controller and push.
         start: the unknowns and t of a first guess: the reach of the rigid body.
     """
+    from scipy.optimize import minimize
+
     problem = _Problem(load, start)
     z = start / problem.unit
     found = minimize(

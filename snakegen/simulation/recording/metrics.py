@@ -153,17 +153,17 @@ def _floor(recording: Recording, end: float) -> dict[str, Any]:
     It is off once `floor_distance` exceeds 5 cm; where only forces are recorded, once half a
     second begins that is free of them.
     """
-    force_time, force = np.empty(0), np.empty(0)
+    pressed = np.empty(0, np.int64)  # samples with a force of the floor
     if "floor_contact" in recording.channels:
         force_time = recording.times("floor_contact")
-        force = np.nansum(recording.channel("floor_contact").values, axis=1)
+        pressed = _rows_where(stored(recording, "floor_contact"), _presses)
     if "floor_distance" in recording.channels:
         time = recording.times("floor_distance")
         height = recording.channel("floor_distance").values.min(axis=1)
         off = time[height > AIRBORNE]
-    elif force.size:
+    elif "floor_contact" in recording.channels:
         time, height = force_time, np.empty(0)
-        touches = np.append(force_time[force > 0.0], np.inf)
+        touches = np.append(force_time[pressed], np.inf)
         starts = np.append(-np.inf, touches[:-1])
         free = touches - np.maximum(starts, force_time[0]) >= FREE
         off = np.maximum(starts, force_time[0])[free & (starts < force_time[-1] - FREE)]
@@ -176,12 +176,18 @@ def _floor(recording: Recording, end: float) -> dict[str, Any]:
     if height.size:
         aloft = _inside(time, off[0], end)
         out["min_floor_distance_m"] = _worst(height[aloft], np.min)
-        contact = _held_integral(time, aloft & (height <= TOUCHING))
-    if force.size:
-        pressed = (force > 0.0) & (force_time > off[0]) & (force_time <= end)
-        contact = max(contact, _held_integral(force_time, pressed))
+        contact = _held_integral(time, np.flatnonzero(aloft & (height <= TOUCHING)))
+    if pressed.size:
+        at = force_time[pressed]
+        later = pressed[(at > off[0]) & (at <= end)]
+        contact = max(contact, _held_integral(force_time, later))
     out["floor_contact_after_takeoff_s"] = contact
     return out
+
+
+def _presses(force: Floats) -> NDArray[np.bool_]:
+    """Tells in which rows (n, k) of forces the floor presses."""
+    return np.asarray(np.nansum(force, axis=1) > 0.0)
 
 
 def _minima(recording: Recording, start: float, end: float) -> dict[str, Any]:
@@ -193,16 +199,19 @@ def _minima(recording: Recording, start: float, end: float) -> dict[str, Any]:
     }
     out: dict[str, Any] = {}
     for name, key in keys.items():
-        if name in recording.channels:
-            values = _cut(recording, name, start, end)
-            # NaN is how a margin says "not defined here"; the rest still has a smallest value.
-            # Where hover itself is out of reach no force and no torque is borne beside it.
-            if "wrench_margin" in recording.channels and name in ("force_margin", "torque_margin"):
-                times = recording.times(name)[_inside(recording.times(name), start, end)]
-                reach = recording.held("wrench_margin", times)
+        if name not in recording.channels:
+            continue
+        # NaN is how a margin says "not defined here"; the rest still has a smallest value.
+        # Where hover itself is out of reach no force and no torque is borne beside it.
+        limited = name in ("force_margin", "torque_margin") and "wrench_margin" in recording
+        least = []
+        for time, values in stored(recording, name).pieces(start, end):
+            if limited:
+                reach = recording.held("wrench_margin", time)
                 values = np.where(np.isnan(values) & (reach < 0.0), 0.0, values)
             defined = values[~np.isnan(values)]
-            out[key] = _worst(defined, np.min)
+            least += [defined.min()] if defined.size else []
+        out[key] = _worst(np.array(least), np.min)
     return out
 
 
@@ -216,13 +225,18 @@ def _energy(recording: Recording, start: float, end: float) -> dict[str, Any]:
             out["battery_empty_s"] = recording.times("battery_used")[empty[0]]
     if "power" not in recording.channels:
         return out
-    inside = _inside(recording.times("power"), start, end)
-    time = recording.times("power")[inside]
-    power = recording.channel("power").values.sum(axis=1)[inside]
-    if time.size < 2:
+    energy, first, ends = 0.0, None, None
+    for time, values in stored(recording, "power").pieces(start, end):
+        power = values.sum(axis=1)
+        if ends is None:
+            first = time[0]
+        else:  # from the piece before
+            energy += 0.5 * (time[0] - ends[0]) * (ends[1] + power[0])
+        energy += float(np.trapezoid(power, time))
+        ends = time[-1], power[-1]
+    if ends is None or ends[0] == first:
         return out
-    energy = np.trapezoid(power, time)
-    return out | {"energy_j": energy, "power_mean_w": energy / (time[-1] - time[0])}
+    return out | {"energy_j": energy, "power_mean_w": energy / (ends[0] - first)}
 
 
 def _of_mission(recording: Recording) -> dict[str, Any]:
@@ -251,10 +265,21 @@ def _cut(recording: Recording, name: str, start: float, end: float) -> Floats:
     return recording.channel(name).values[_inside(recording.times(name), start, end)]
 
 
-def _held_integral(time: Floats, holds: NDArray[np.bool_]) -> float:
-    """Returns for how many seconds `holds`, each sample standing for the step after it."""
-    step = np.diff(time, append=time[-1] + (time[-1] - time[-2] if time.size > 1 else 0.0))
-    return float(np.sum(step[holds]))
+def _rows_where(signal: Signal, holds: Callable[[Floats], NDArray[np.bool_]]) -> NDArray[np.int64]:
+    """Returns the indices of the rows of a signal for which `holds`."""
+    found, first = [], 0
+    for _, values in signal.pieces():
+        found.append(first + np.flatnonzero(holds(values)))
+        first += len(values)
+    return np.concatenate(found) if found else np.empty(0, np.int64)
+
+
+def _held_integral(time: Floats, rows: NDArray[np.int64]) -> float:
+    """Returns the seconds of some samples (indices), each standing for the step after it."""
+    last = rows == time.size - 1
+    steps = time[np.minimum(rows + 1, time.size - 1)] - time[rows]
+    steps[last] = time[-1] - time[-2] if time.size > 1 else 0.0
+    return float(np.sum(steps))
 
 
 class _Mean:

@@ -16,7 +16,7 @@ from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.loop import Flown, rotation_of
 from snakegen.simulation.flight.plan import Plan, frame_targets
 from snakegen.simulation.flight.vibration import bends, elastic_channels
-from snakegen.simulation.flight.world import World
+from snakegen.simulation.flight.world import Ints, World
 from snakegen.simulation.recording.clearance import clearances
 from snakegen.simulation.recording.margins_along import States, margins_along, true_sigma_min
 from snakegen.simulation.recording.recording import Channel, Event, Recording, channel
@@ -33,8 +33,6 @@ MEASURED = (
     "floor_contact",
     "power",
     "roll_moment",
-    "elastic_angle",
-    "modal_energy",
 )
 
 
@@ -48,15 +46,19 @@ def record(
     margins: bool = True,
 ) -> Recording:
     """Returns the recording of a flight; without `margins` it is made in a third of the time."""
-    bent = is_elastic(world, plan, meta)
     windy = bool(np.any(flown.wind))
-    channels = flight_channels(world, plan, controller, flown, bent, windy, margins=margins)
+    channels = flight_channels(world, plan, controller, flown, windy)
+    if is_elastic(world, plan, meta):
+        channels |= flown_bends(world, plan, flown)
+    if margins:
+        rows = np.arange(0, flown.ticks, slow_stride(plan.time))
+        channels |= margin_channels(world, plan, controller, rows, flown.qpos[rows])
     events = tuple(Event(*e) for e in flown.events)
     return Recording(plan.time[: flown.ticks], channels, events, flight_meta(world, meta))
 
 
 def is_elastic(world: World, plan: Plan, meta: dict[str, Any]) -> bool:
-    """Tells whether a flight records what bends: then all of its rows are looked at together."""
+    """Tells whether a flight records what bends."""
     return bool(meta.get("vibration_damping")) or "pluck" in plan.facts or bends(world)
 
 
@@ -65,20 +67,15 @@ def flight_channels(
     plan: Plan,
     controller: Controller,
     flown: Flown,
-    elastic: bool,
     windy: bool,
-    *,
-    margins: bool = True,
 ) -> dict[str, Channel]:
-    """Returns the channels of the ticks of `plan` that were flown.
+    """Returns the channels of the ticks of `plan` that were flown, without margins and bends.
 
     Args:
         world, plan, controller, flown: the flight, or a part of it and that of its plan.
-        elastic, windy: whether it records what bends, and the wind.
-        margins: along the run.
+        windy: whether it records the wind.
     """
     robot, n = world.robot, flown.ticks
-    time = plan.time[:n]
     motion = _motion(world, controller, flown)
     target = quaternions(np.ascontiguousarray(frame_targets(plan, flown.axes)[0][:n]))
     thrust = thrusts(world, flown)
@@ -117,15 +114,11 @@ def flight_channels(
         channels["disturbance"] = channel("disturbance", plan.disturbance[:n])
         point = motion[0] if plan.disturbance_at_cog else _link_place(world, plan, flown)
         channels["disturbance_point"] = channel("disturbance_point", point)
-    if elastic:
-        dt = float(time[1] - time[0]) if n > 1 else 1.0
-        asked = flown.command[:, world.servos]
-        channels |= elastic_channels(world, flown.qpos, flown.qvel, asked, dt)
-    channels |= _slow(world, controller if margins else None, plan, flown, windy)
-    return channels | {k: _as_measured(channels[k]) for k in MEASURED if k in channels}
+    channels |= _slow(world, plan, flown, windy)
+    return channels | {k: as_measured(channels[k]) for k in MEASURED if k in channels}
 
 
-def _as_measured(signal: Channel) -> Channel:
+def as_measured(signal: Channel) -> Channel:
     """Returns a channel to the 24 bits of a float32: half of its bytes in a log are then zeros."""
     with np.errstate(over="ignore"):  # a run that diverged
         return replace(signal, values=signal.values.astype(np.float32).astype(np.float64))
@@ -205,21 +198,12 @@ def slow_stride(time: Floats) -> int:
     return max(1, round(SLOW / (time[1] - time[0]))) if len(time) > 1 else 1
 
 
-def _slow(
-    world: World, controller: Controller | None, plan: Plan, flown: Flown, windy: bool
-) -> dict[str, Channel]:
-    """Returns margins of the modes flown (no controller: none) and clearances, at 10 Hz."""
-    step = slow_stride(plan.time)
-    rows = np.arange(0, flown.ticks, step)
+def _slow(world: World, plan: Plan, flown: Flown, windy: bool) -> dict[str, Channel]:
+    """Returns clearances, battery and wind, at 10 Hz."""
+    rows = np.arange(0, flown.ticks, slow_stride(plan.time))
     time = plan.time[rows]
-    out = {}
-    found = {}
-    if controller is not None:
-        found = margins_along(world.robot, controller, plan, rows, _states(world, flown.qpos[rows]))
-    for name, values in found.items():
-        out[name] = channel(name, values, time=time)
     floor, own, obstacle = clearances(world, flown.qpos[rows])
-    out["floor_distance"] = channel("floor_distance", floor, time=time)
+    out = {"floor_distance": channel("floor_distance", floor, time=time)}
     if plan.obstacles:
         out["obstacle_distance"] = channel("obstacle_distance", obstacle, time=time)
     out["battery_used"] = channel("battery_used", flown.used[rows], time=time)
@@ -228,6 +212,22 @@ def _slow(
     if not np.all(np.isposinf(own)):  # inf: the robot has no parts that could touch
         out["self_distance"] = channel("self_distance", own, time=time)
     return out
+
+
+def margin_channels(
+    world: World, plan: Plan, controller: Controller, rows: Ints, qpos: Floats
+) -> dict[str, Channel]:
+    """Returns margins of the modes flown at ticks `rows` of a plan, `qpos` (m, nq) being there."""
+    found = margins_along(world.robot, controller, plan, rows, _states(world, qpos))
+    return {name: channel(name, values, time=plan.time[rows]) for name, values in found.items()}
+
+
+def flown_bends(world: World, plan: Plan, flown: Flown) -> dict[str, Channel]:
+    """Returns the channels of what bends, of all ticks flown of a plan."""
+    dt = float(plan.time[1] - plan.time[0]) if flown.ticks > 1 else 1.0
+    asked = flown.command[:, world.servos]
+    found = elastic_channels(world, flown.qpos, flown.qvel, asked, dt)
+    return {name: as_measured(each) for name, each in found.items()}
 
 
 def _rotor_meta(rotor: Rotor) -> dict[str, Any]:

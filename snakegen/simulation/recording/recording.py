@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from snakegen.base.sample_store import SampleStore
+from snakegen.base.sample_store import LONG, release_all
 from snakegen.errors import LogError, near
 from snakegen.simulation.recording.verdict import Verdict
 
@@ -152,6 +152,16 @@ def channel(
     )
 
 
+def held_channel(
+    name: str, values: Floats, labels: Iterable[str] | None = None, **about: Any
+) -> Channel:
+    """Returns what `channel` does, of an array (T, k) of float64 that is not copied.
+
+    It may lie on a disk, and must not be changed any more.
+    """
+    return replace(channel(name, values[:0], labels, **about), values=values)
+
+
 @dataclass(frozen=True, repr=False)
 class Recording:
     """One verification run.
@@ -171,11 +181,10 @@ class Recording:
     report: str = ""  # markdown
     metrics: dict[str, Any] = field(default_factory=dict)
     verdict: Verdict | None = None
-    store: SampleStore | None = field(default=None, repr=False, compare=False)  # of its samples
 
     def __post_init__(self) -> None:
         """Checks shapes, times and that `meta` and `metrics` are JSON."""
-        time = np.array(self.time, dtype=np.float64)
+        time = np.asarray(self.time, dtype=np.float64)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "events", tuple(Event(*e) for e in self.events))
         _check_time(time, "the recording")
@@ -231,9 +240,9 @@ class Recording:
         return self.time if own is None else own
 
     def release(self) -> None:
-        """Gives back the memory of samples that lie in a store; they are read again when needed."""
-        if self.store is not None:
-            self.store.release()
+        """Gives back the memory of a long run's samples; they are read again when needed."""
+        if len(self.time) > LONG:
+            release_all()
 
     def held(self, name: str, time: ArrayLike, part: slice | None = None) -> Floats:
         """Returns `name` at other times (n,), each the last value at or before it: (n, k).
@@ -246,10 +255,8 @@ class Recording:
             return c.values if part is None else c.values[part]
         index = np.searchsorted(own, at + 1e-9, side="right") - 1
         index = np.clip(index, 0, len(own) - 1)
-        if self.store is None:
-            return c.values[index]
         out = np.empty((len(index), c.values.shape[1]))
-        for j in range(out.shape[1]):  # column by column, as they lie in the store
+        for j in range(out.shape[1]):  # column by column, as those of long runs lie on the disk
             out[:, j] = c.values[index, j]
             self.release()
         return out

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.signals import Signal, is_finite, stored
 
 SHAKING = 5.0  # Hz, from which on a body's rate is no manoeuvre
 
@@ -16,24 +17,29 @@ def vibration_metrics(recording: Recording, start: float, end: float) -> dict[st
     links bend (their modes stand in meta), `shaking` is added.
     """
     out: dict[str, Any] = {}
-    for name, key in (
-        ("elastic_angle", "elastic_rms_rad"),
-        ("modal_energy", "modal_energy_mean_j"),
-    ):
-        if name not in recording.channels:
-            continue
-        time = recording.times(name)
-        values = recording.channel(name).values[(time >= start) & (time <= end)]
-        if not len(values):
-            continue
-        if name == "elastic_angle":
-            off = values - values.mean(axis=0)
-            out[key] = float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
-        else:
-            out[key] = float(values.sum(axis=1).mean())
+    if "elastic_angle" in recording.channels:
+        angles = stored(recording, "elastic_angle")
+        middle = _mean(angles, start, end)
+        if middle is not None:
+            off = Signal(
+                angles.time, lambda part: (angles.rows(part) - middle) ** 2, angles.release
+            )
+            out["elastic_rms_rad"] = float(np.sqrt(np.sum(_mean(off, start, end))))
+    if "modal_energy" in recording.channels:
+        energy = _mean(stored(recording, "modal_energy"), start, end)
+        if energy is not None:
+            out["modal_energy_mean_j"] = float(energy.sum())
     if "modal_frequencies_hz" in recording.meta and "angular_velocity" in recording.channels:
         out |= shaking(recording, start, end)
     return out
+
+
+def _mean(signal: Signal, start: float, end: float) -> Any:
+    """Returns the mean (k,) of a signal from `start` to `end` [s]; None without rows."""
+    total, count = 0.0, 0
+    for _, values in signal.pieces(start, end):
+        total, count = total + values.sum(axis=0), count + len(values)
+    return total / count if count else None
 
 
 def shaking(recording: Recording, start: float, end: float) -> dict[str, Any]:
@@ -45,12 +51,15 @@ def shaking(recording: Recording, start: float, end: float) -> dict[str, Any]:
     """
     time = recording.times("angular_velocity")
     inside = (time >= start) & (time <= end)
-    rate, count = recording.channel("angular_velocity").values[inside], int(inside.sum())
-    if count < 8 or not np.all(np.isfinite(rate)):
+    count = int(inside.sum())
+    if count < 8 or not is_finite(recording, "angular_velocity"):
         return {}
-    window = np.hanning(count)[:, None]
-    spectrum = np.fft.rfft((rate - rate.mean(axis=0)) * window, axis=0)
-    power = 2.0 * np.sum(np.abs(spectrum) ** 2, axis=1) / (count * np.sum(window**2))
+    window, power = np.hanning(count), np.zeros(count // 2 + 1)
+    for axis in range(3):  # one by one: a long run's spectra are large
+        rate = recording.channel("angular_velocity").values[inside, axis]
+        power += np.abs(np.fft.rfft((rate - rate.mean()) * window)) ** 2
+        recording.release()
+    power *= 2.0 / (count * np.sum(window**2))
     frequency = np.fft.rfftfreq(count, float(time[1] - time[0]))
     power[frequency < SHAKING] = 0.0
     if not power.any():

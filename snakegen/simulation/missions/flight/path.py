@@ -13,6 +13,7 @@ import numpy as np
 
 from snakegen.base import yaml_file
 from snakegen.base.geometry import Floats, rotation_from_rpy, unskew
+from snakegen.base.sample_store import in_pieces
 from snakegen.errors import MissionError, near
 from snakegen.planning.plan_file import is_plan
 from snakegen.robot.robot import Robot
@@ -62,7 +63,7 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
     refuse_too_long(robot, seconds)
     time = ticks(seconds, rate)
     value, speed, bend = through(time, knots, points)
-    rotation = np.array([rotation_from_rpy(x) for x in value[:, 3:6]])
+    rotation, angular = in_pieces(len(time), lambda part: _turning(value, part, rate))
     return holding(
         time,
         value[:, 6:],
@@ -72,7 +73,7 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
         velocity=speed[:, :3],
         acceleration=bend[:, :3],
         rotation=rotation,
-        angular=_rates(rotation, rate),
+        angular=angular,
         events=tuple((float(t), f"waypoint {i + 1}") for i, t in enumerate(knots)),
     )
 
@@ -128,8 +129,18 @@ def _numbers(value: Any, count: int, where: str) -> Floats:
     return np.array(listed, float)
 
 
-def _rates(rotation: Floats, rate: float) -> Floats:
-    """Returns angular velocities (T, 3) [rad/s], own axes, of attitudes (T, 3, 3)."""
+def _turning(value: Floats, part: slice, rate: float) -> tuple[Floats, Floats]:
+    """Returns attitudes (n, 3, 3) and angular velocities (n, 3) [rad/s], own axes, of some rows.
+
+    Args:
+        value: (T, 6 + k), roll, pitch and yaw [rad] after the place.
+        part: rows.
+        rate: rows a second.
+    """
+    angles = value[part.start : part.stop + 1, 3:6]
+    rotation = np.array([rotation_from_rpy(x) for x in angles])
     step = np.einsum("tji,tjk->tik", rotation[:-1], rotation[1:])
-    out = np.array([unskew(0.5 * (s - s.T)) * rate for s in step]).reshape(-1, 3)
-    return np.vstack([out, np.zeros(3)])
+    turned = np.array([unskew(0.5 * (s - s.T)) * rate for s in step]).reshape(-1, 3)
+    count = part.stop - part.start
+    still = np.zeros((count - len(turned), 3))  # the last row of all
+    return rotation[:count], np.vstack([turned, still])
