@@ -64,7 +64,6 @@ def plan(
     from snakegen.base.atomic_io import check_writable, write_atomically
     from snakegen.errors import PlanError
     from snakegen.planning.motion_search import search
-    from snakegen.planning.plan_file import PlanFile
     from snakegen.planning.strobe_instants import draw_motion
     from snakegen.scene.schema import read_scene
 
@@ -92,16 +91,8 @@ def plan(
     check_writable(target)
     motion = search(robot, place, minutes=minutes, seed=seed, progress=None if as_json else note)
     unmet = motion.unmet(place.demands)
-    file = PlanFile(
-        robot.name,
-        motion.body.names,
-        motion.path,
-        place.solids,
-        motion.certificate.to_json(),
-        vars(place.demands),
-    )
     if not unmet:
-        file.write(target)
+        motion.file(place).write(target)
     if picture is not None:
         draw_motion(Path(picture), motion, place)
     result = {
@@ -115,6 +106,7 @@ def plan(
         "seeds_tried": motion.tried,
         "search_s": round(motion.seconds, 2),
         "certificate": motion.certificate.to_json(),
+        "tracking": motion.tracking.to_json(),
     }
     if as_json:
         print_json(result)
@@ -135,8 +127,19 @@ def _print(result: dict[str, Any], motion: Any) -> None:
             f"  {name.replace('_', ' '):<15} ≥ {bound.lower:.4g} {_UNITS[name]} at every instant "
             f"(least seen {bound.seen:.4g} at {bound.time:.2f} s{between})"
         )
+    cover = motion.tracking
+    if cover.between[0]:
+        click.echo(
+            f"  tracking        {1e3 * cover.error:.2g} mm of error to expect (one standard "
+            f"deviation over hardware) at {cover.time:.2f} s toward {cover.between[1]}: the "
+            f"clearance there is {cover.sigmas:.3g} times that"
+        )
     if result["certified"]:
-        click.echo(f"certified: {result['plan']}")
+        click.echo(f"certified for hover along the path: {result['plan']}")
+        click.echo(
+            "not covered by the certificate: tracking errors, wind, the air that rotors stir; "
+            f"fly it: snakegen analyze flight {result['robot']} --mission {result['plan']}"
+        )
     else:
         click.echo(f"not certified: {'; '.join(result['unmet'])}; nothing was written")
 

@@ -141,16 +141,17 @@ class PlannedBody:
 
     def _zero_thrust(self, turns: Floats) -> Floats:
         """Returns the thrust directions (n, 3), world, at gimbal angles of 0."""
-        return np.einsum("nij,nj->ni", turns, self._thrusts)
+        return np.einsum("nij,nj->ni", turns, self.zero_thrusts)
 
     @cached_property
-    def _thrusts(self) -> Floats:
+    def zero_thrusts(self) -> Floats:
+        """(n, 3) thrust directions at gimbal angles of 0, in each link's body."""
         return np.array([zero_thrust(self.robot, j) for j in range(len(self.mounts.joint))])
 
     @cached_property
     def sides(self) -> Floats:
         """(n, 3) the axes, in each link's body, that are horizontal where a roll of 0 hovers."""
-        return np.cross(self.mounts.axis, self._thrusts)
+        return np.cross(self.mounts.axis, self.zero_thrusts)
 
     def distances(self, q: Floats) -> Floats:
         """Returns the signed distances (p,) [m] of all pairs at q: obstacles first, then self."""

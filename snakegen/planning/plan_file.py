@@ -17,12 +17,22 @@ KEYS = (
     "interpolation",
     "robot",
     "heading",
+    "rate_filter",
+    "settling",
     "joints",
     "waypoints",
     "scene",
     "certificate",
+    "tracking",
     "demands",
 )
+RATE_FILTER = 4.0  # Hz
+"""Gimbals of steep links turn far for a small torque, and a turning gimbal pushes its light link
+back: the gyro closes that circle, and roll gimbals swing, at 45 Hz without a low-pass, at 6 Hz
+with one of 10 Hz and six links. Table 5's K_d needs the rate up to 1 Hz."""
+SETTLING = 2.0  # s
+"""Unequal thrusts leave other torques in every posture, and Table 5's integral takes 50 s to
+follow: a plan's integrals settle as fast along the motion as in the trim before it."""
 _POINT = ("time", "position", "rotation_vector", "joints")
 
 
@@ -37,6 +47,9 @@ class PlanFile:
         solids: of the scene.
         certificate: `Certificate.to_json`, None if the plan has none.
         demands: by name.
+        rate_filter: Hz, low-pass on measured rates that the plan is flown with; 0: none.
+        settling: s, in which the integrals of position and attitude settle; 0: as the gains say.
+        tracking: `Cover.to_json`, None if unknown.
     """
 
     robot: str
@@ -45,6 +58,9 @@ class PlanFile:
     solids: tuple[Solid, ...]
     certificate: dict[str, Any] | None
     demands: dict[str, float]
+    rate_filter: float = RATE_FILTER
+    settling: float = SETTLING
+    tracking: dict[str, Any] | None = None
 
     def to_text(self) -> str:
         """Returns the file's text."""
@@ -62,9 +78,12 @@ class PlanFile:
             "interpolation": "spline",
             "robot": self.robot,
             "heading": float(self.path.heading),
+            "rate_filter": float(self.rate_filter),
+            "settling": float(self.settling),
             "joints": list(self.names),
             "demands": self.demands,
             "certificate": self.certificate,
+            "tracking": self.tracking,
             "scene": [s.to_json() for s in self.solids],
             "waypoints": listed,
         }
@@ -104,9 +123,12 @@ def read_plan(data: dict[str, Any], where: str) -> PlanFile:
     listed = data.get("waypoints")
     if not isinstance(listed, list) or len(listed) < 2:
         raise PlanError(f"{where}: waypoints: two at least.")
-    heading = data.get("heading", 0.0)
-    if not isinstance(heading, int | float) or isinstance(heading, bool) or abs(heading) > 1e3:
-        raise PlanError(f"{where}: heading: {heading!r} is not an angle in radians.")
+    heading = _number(data, "heading", where, "an angle in radians")
+    cutoff = _number(data, "rate_filter", where, "a frequency in Hz, 0 for none")
+    settling = _number(data, "settling", where, "a time in seconds, 0 for the gains' own")
+    for key, value in (("rate_filter", cutoff), ("settling", settling)):
+        if value < 0.0:
+            raise PlanError(f"{where}: {key}: {value:g}: 0 or more is needed.")
     rows = [_row(item, len(names), f"{where}: waypoint {i}") for i, item in enumerate(listed, 1)]
     table = np.array(rows)
     if np.any(np.diff(table[:, 0]) <= 0.0):
@@ -123,7 +145,17 @@ def read_plan(data: dict[str, Any], where: str) -> PlanFile:
         solids,
         data.get("certificate"),
         data.get("demands") or {},
+        cutoff,
+        settling,
+        data.get("tracking"),
     )
+
+
+def _number(data: dict[str, Any], key: str, where: str, what: str) -> float:
+    value = data.get(key, 0.0)
+    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) <= 1e3:
+        raise PlanError(f"{where}: {key}: {value!r} is not {what}.")
+    return float(value)
 
 
 def _row(item: Any, count: int, where: str) -> Floats:

@@ -190,6 +190,10 @@ def _joined(
              for a, b in ((head, along[0]), (along[1], tail), (head, tail))]  # fmt: skip
     cost = turns[0] + turns[1] + 0.4 * abs(turns[2] - 0.5 * np.pi) + 0.2 * float(steps.sum())
     cost += 0.15 * RADII.index(family[1]) + (0.0 if chain.tip_leads else 0.05)
+    # where the body ends as it was trimmed, unequal thrusts leave no error
+    at = chain.body.at
+    cost += 0.0 if np.allclose(start.q[at], goal.q[at]) else 0.6
+    cost += 0.1 * abs(np.angle(np.exp(1j * (heading_of(goal) - heading_of(start)))))
     return Seed(
         chain, points, begun, start, goal, cost, (*family, round(turns[2] / (0.25 * np.pi)))
     )

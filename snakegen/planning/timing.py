@@ -1,5 +1,6 @@
 """Times of waypoints, so that no rate is beyond its limit."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,7 @@ JOINT_ACCELERATION = 0.3  # rad/s²
 _RAMP = (4.0, 2.5, 1.8, 1.4, 1.2)  # longer intervals at the ends, where the body speeds up
 _SAMPLES = 12  # instants of each interval that are looked at
 _ROUNDS = 30
+_SLOWER = 8  # rounds of lengthening for gimbals and thrusts
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +54,12 @@ def smoothed(poses: Floats, rounds: int = 4) -> Floats:
     return out
 
 
+def paced(poses: Floats, rates: Rates) -> Floats:
+    """Returns times (m,) [s] at which poses could be, from differences alone; see `timed`."""
+    spans = 1.3 * _use(np.diff(poses, axis=0)[:, None], rates, 1.0)[:, 0]
+    return np.concatenate([[0.0], np.cumsum(spans)])
+
+
 def timed(poses: Floats, rates: Rates, heading: float = 0.0, digits: int = 6) -> Trajectory:
     """Returns the trajectory through poses, as fast as limits of rate and acceleration allow.
 
@@ -66,7 +74,29 @@ def timed(poses: Floats, rates: Rates, heading: float = 0.0, digits: int = 6) ->
     for k, ramp in enumerate(_RAMP[: len(spans) // 2]):
         spans[k] *= ramp
         spans[-1 - k] *= ramp
-    spans = _even(spans)
+    return _refined(poses, _even(spans), rates, heading)
+
+
+def slowed(path: Trajectory, rates: Rates, use: Callable[[Trajectory], Floats]) -> Trajectory:
+    """Returns a path slowed down until what it asks of other actuators is within their limits.
+
+    Args:
+        path: from `timed`.
+        rates: its limits.
+        use: returns the largest share (m,) of a limit that each interval takes, at the path's pace.
+    """
+    for _ in range(_SLOWER):
+        more = np.maximum(1.0, use(path))
+        if more.max() <= 1.0:
+            break
+        more = np.maximum.reduce([more, *(np.roll(more, k) for k in (-1, 1))])
+        spans = _even(np.diff(path.times) * np.minimum(1.05 * more, 3.0))
+        path = _refined(path.poses, spans, rates, path.heading)
+    return path
+
+
+def _refined(poses: Floats, spans: Floats, rates: Rates, heading: float) -> Trajectory:
+    """Returns the trajectory of intervals (m,) [s], those lengthened that are too fast or sharp."""
     path = _of(poses, spans, heading)
     for _ in range(_ROUNDS):
         t = path.times[:-1, None] + np.linspace(0.0, 1.0, _SAMPLES) * np.diff(path.times)[:, None]

@@ -53,9 +53,12 @@ class Demands:
         clearance: m, least distance of the body from obstacles.
         force_margin, torque_margin: N, N m (THEORY A4, virtual single rotors).
         joint_rate: rad/s, of joints, beside their own limits.
-        gimbal_rate: rad/s, of gimbals at hover away from vertical links, beside their limits.
+        gimbal_rate: rad/s, of gimbals at hover away from vertical links, beside half their limits.
+        thrust_rate: N/s, of an apparatus' thrust at hover.
         cog_speed: m/s.
         cog_acceleration: m/s².
+        tracking_sigmas: standard deviations of the tracking error to expect of usual hardware that
+            the clearance must cover at every instant looked at.
     """
 
     clearance: float = 0.03
@@ -63,8 +66,10 @@ class Demands:
     torque_margin: float = 1.0
     joint_rate: float = 0.31
     gimbal_rate: float = 3.0
+    thrust_rate: float = 20.0
     cog_speed: float = 0.3
     cog_acceleration: float = 0.3
+    tracking_sigmas: float = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +277,7 @@ def _demands(item: Any, where: str) -> Demands:
         raise SceneError(f"{where}: a mapping, as in {{clearance: 0.03}}.")
     names = tuple(Demands.__dataclass_fields__)
     _known(item, names, where)
-    zero = ("clearance", "force_margin", "torque_margin")
+    zero = ("clearance", "force_margin", "torque_margin", "tracking_sigmas")
     return Demands(**{k: _positive(item, k, where, zero=k in zero) for k in item})
 
 

@@ -24,10 +24,11 @@ from snakegen.robot.robot import GRAVITY, Robot
 from snakegen.simulation.flight.plan import Plan, farthest, gradient
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.postures import place
-from snakegen.simulation.flight.trim import SETTLING
+from snakegen.simulation.flight.trim import SETTLING, integral_rates
 
 SIGMAS = 3.0  # standard deviations that clamps allow for
 POSTURES = 7  # looked at along a plan
+INSTANTS = 20  # likewise, where integrals settle along it
 _STEP = 1e-5  # rad, of the differences by joint angles
 
 
@@ -136,6 +137,9 @@ def expected_errors(
     with the body: its attitude error e_R accelerates it sideways by g e_R. Motion adds its lag
     (`lags`); noise that dithers within a run is not in it.
     """
+    if plan.settling > 0.0:
+        squares = [np.sum(e**2, axis=1) for e in moving_errors(robot, controller, plan, what)]
+        return np.asarray(np.sqrt(np.mean(squares, axis=0) + _lags(robot, controller, plan, what)))
     law = controller.law
     found = [sources(robot, controller, joints, what, turn) for joints, turn in postures(plan)]
     gains = np.concatenate([law.force[0], law.torque[0]])
@@ -154,8 +158,52 @@ def expected_errors(
         error *= left[:, None]
         error[:3] += lean @ error[3:] / gains[:3, None]
         squares.append(np.sum(error**2 + s.unseen**2, axis=1))
+    return np.asarray(np.sqrt(np.mean(squares, axis=0) + _lags(robot, controller, plan, what)))
+
+
+def _lags(robot: Robot, controller: Controller, plan: Plan, what: Imperfections) -> Floats:
+    """Returns the squares (6,) of `lags`."""
     rate = float(robot.modules.control.get("position_rate", 40.0))
-    return np.asarray(np.sqrt(np.mean(squares, axis=0) + lags(controller, plan, what, rate) ** 2))
+    return np.asarray(lags(controller, plan, what, rate) ** 2)
+
+
+def moving_errors(
+    robot: Robot, controller: Controller, plan: Plan, what: Imperfections
+) -> list[Floats]:
+    """Returns the tracking errors (6, 2 s) along a plan whose integrals settle in time.
+
+    ``K_p e + K_i ∫e = a``: the error is a's high-pass over K_p, ``e' + e/τ = a'/K_p`` with
+    ``τ = K_p/K_i``; between the instants that are looked at, a changes evenly. What the trim leaves
+    is 0.
+    """
+    law = controller.law
+    rows = np.linspace(plan.trim, len(plan.time) - 1, INSTANTS).astype(int)
+    found = [sources(robot, controller, plan.joints[k], what, plan.rotation[k]) for k in rows]
+    gains = np.concatenate([law.force[0], law.torque[0]])
+    integral = np.concatenate([law.force[1], law.torque[1]])
+    integral = integral * integral_rates(law, plan.settling).ravel()
+    error, out = np.zeros_like(found[0].acceleration), []
+    for k, s in enumerate(found):
+        if k:
+            step = float(plan.time[rows[k]] - plan.time[rows[k - 1]])
+            decay = step * integral / gains
+            kept = np.exp(-decay)
+            gained = np.where(decay > 1e-9, (1.0 - kept) / np.maximum(decay, 1e-9), 1.0)
+            change = (s.acceleration - found[k - 1].acceleration) / gains[:, None]
+            error = kept[:, None] * error + gained[:, None] * change
+        out.append(np.hstack([error, s.unseen]))
+    return out
+
+
+def position_peak(robot: Robot, controller: Controller, plan: Plan, what: Imperfections) -> float:
+    """Returns the largest expected position error along a plan over its RMS, 1 or more.
+
+    Errors of a plan whose integrals settle come and go with its motion; others stay: 1.
+    """
+    if plan.settling <= 0.0:
+        return 1.0
+    norms = [np.sum(e[:3] ** 2) for e in moving_errors(robot, controller, plan, what)]
+    return max(1.0, float(np.sqrt(np.max(norms) / np.mean(norms))))
 
 
 def lags(controller: Controller, plan: Plan, what: Imperfections, rate: float) -> Floats:

@@ -27,7 +27,7 @@ from snakegen.base.geometry import Floats
 from snakegen.control.controller import Controller
 from snakegen.control.frame import cog_frame
 from snakegen.robot.robot import Robot
-from snakegen.simulation.flight.error_budget import expected_errors, sources
+from snakegen.simulation.flight.error_budget import expected_errors, position_peak, sources
 from snakegen.simulation.flight.plan import Plan, farthest
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.stream_budget import stream_errors
@@ -84,11 +84,12 @@ def tracking_bounds(
     axis[known] = np.minimum(axis[known], np.maximum(paper, PAPER * expected[known]))
     factors = FACTORS.get((mission, mode), FACTORS["", mode])
     position, attitude = factors[:2] * np.linalg.norm(expected.reshape(2, 3), axis=1)
+    peak = position_peak(robot, controller, plan, usual)
     place, turn = MOST["position_rmse_m"], MOST["attitude_rmse_rad"]
     bounds = {
         "position_rmse_m": _rounded(np.minimum(axis[:3], place)),
         "position_rmse_norm_m": _rounded(min(position, place)),
-        "position_max_m": _rounded(min(factors[2] * position, MOST["position_max_m"])),
+        "position_max_m": _rounded(min(factors[2] * peak * position, MOST["position_max_m"])),
         "attitude_rmse_rad": _rounded(np.minimum(axis[3:], turn)),
         "attitude_rmse_norm_rad": _rounded(min(attitude, turn)),
     }

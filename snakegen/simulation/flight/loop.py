@@ -26,7 +26,7 @@ from snakegen.simulation.flight.interrupt import noted
 from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections, Noise
 from snakegen.simulation.flight.reference_window import ReferenceWindow, RowWindow
-from snakegen.simulation.flight.trim import found, integral_rates, told
+from snakegen.simulation.flight.trim import SETTLING, found, integral_rates, told
 from snakegen.simulation.flight.vibration import OFF, Damping, damper, retuned
 from snakegen.simulation.flight.world import World
 
@@ -163,8 +163,10 @@ class _Run:
         self.axes = plan.rotation[0].T @ self.frame
         self.state = controller.start(gimbals)
         self.trimmed: dict[str, Any] = {}
-        if plan.trim:
-            self.controller = controller.with_law(integral_rate=integral_rates(controller.law))
+        settling = SETTLING if plan.trim else plan.settling
+        self.controller = controller.with_law(
+            integral_rate=integral_rates(controller.law, settling)
+        )
         self.damper, self.modes = damper(world, controller, damping, data.qpos, imperfections.delay)
         self.plant = mujoco_arrays.plant(world, plan, imperfections, dt, position_rate)
         self.capacity = self.plant.capacity
@@ -216,7 +218,10 @@ class _Run:
         time, trim = self.plan.time, self.plan.trim
         if 0 < trim == first:
             self.trimmed = found(self.controller.law, self.state)
-            self.controller = self.controller.with_law(integral_rate=np.ones((2, 3)))
+            law = self.controller.law
+            self.controller = self.controller.with_law(
+                integral_rate=integral_rates(law, self.plan.settling)
+            )
             self.plant = self.plant._replace(capacity=self.capacity)
         elif first < trim < last:
             last = trim

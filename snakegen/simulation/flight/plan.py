@@ -65,6 +65,8 @@ class Plan:
         facts: what the mission wants in the log, as JSON.
         kind: by which tracking is judged; the mission's name if empty.
         drawn: more of these facts by the thrust factors (n,) that the plant drew; None for none.
+        settling: s, in which integrals settle along the plan; 0: as the gains have it.
+        rate_filter: Hz, low-pass on measured rates where the robot has none of its own; 0: none.
     """
 
     time: Floats
@@ -93,6 +95,8 @@ class Plan:
     facts: dict[str, Any] = field(default_factory=dict)
     kind: str = ""
     drawn: Callable[[Floats], dict[str, Any]] | None = None
+    settling: float = 0.0
+    rate_filter: float = 0.0
 
 
 def is_constant(rows: Floats) -> bool:

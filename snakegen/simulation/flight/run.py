@@ -232,6 +232,8 @@ def prepare(
     if hasattr(asked, "allocator"):
         asked = replace(asked, allocator=allocator, ideal=ideal)
     plan: Plan = module.plan(robot, rate, asked)
+    if plan.rate_filter and not controller.law.rate_filter:
+        controller = controller.with_law(rate_filter=plan.rate_filter)
     check_references(robot, plan)
     check_motion(robot, controller, plan)
     if isinstance(asked, TrimOption):

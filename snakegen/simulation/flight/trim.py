@@ -97,14 +97,21 @@ def _behind(first: Floats, rows: Floats) -> Floats:
     return in_pieces(count + len(rows), both)[0]
 
 
-def integral_rates(law: Law) -> Floats:
-    """Returns how many times faster each integral (2, 3) runs while trimming, 1 or more.
+def integral_rates(law: Law, settling: float = SETTLING) -> Floats:
+    """Returns how many times faster each integral (2, 3) runs to settle in time, 1 or more.
 
-    ``K_i f = K_p / 2 s``, at most a third of ``K_p K_d``; where K_i is 0 there is nothing to trim.
+    ``K_i f = K_p / settling``, at most a third of ``K_p K_d``; where K_i is 0 there is nothing to
+    trim.
+
+    Args:
+        law: with the gains.
+        settling: s; 0: as the gains have it.
     """
     out = np.ones((2, 3))
+    if settling <= 0.0:
+        return out
     for row, (p, i, d) in enumerate((law.force, law.torque)):
-        wanted = p * np.minimum(1.0 / SETTLING, STABLE * d)
+        wanted = p * np.minimum(1.0 / settling, STABLE * d)
         out[row] = np.where(i > 0.0, np.maximum(wanted / np.where(i > 0.0, i, 1.0), 1.0), 1.0)
     return out
 

@@ -15,7 +15,6 @@ from snakegen.base.geometry import Floats
 from snakegen.errors import MissionError, PlanError
 from snakegen.planning.body import check_robot
 from snakegen.planning.motion_search import search
-from snakegen.planning.plan_file import PlanFile
 from snakegen.robot.robot import Robot
 from snakegen.scene.schema import read_scene
 from snakegen.simulation.flight.plan import Box, Plan, holding, knots_for, through, ticks
@@ -130,11 +129,7 @@ def _through_ceiling(robot: Robot, rate: float, rate_limit: float) -> Plan:
     unmet = motion.unmet(scene.demands)
     if unmet:
         raise PlanError(f"no certified way through the ceiling: {'; '.join(unmet)}.")
-    proved = motion.certificate.to_json()
-    file = PlanFile(
-        robot.name, motion.body.names, motion.path, scene.solids, proved, vars(scene.demands)
-    )
-    plan = flight_of(robot, file, rate)
+    plan = flight_of(robot, motion.file(scene), rate)
     low, high = body_extent(robot)
     opening = float(max(scene.openings[0].size))
     return replace(plan, facts=plan.facts | {"opening_m": opening, "span_m": max(high - low)})
