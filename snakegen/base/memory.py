@@ -6,6 +6,7 @@ import os
 
 from snakegen.errors import AnalysisError
 
+_MMAP_THRESHOLD = -3  # of mallopt
 _SHARE = 0.5  # of what is free: the caller holds copies
 
 
@@ -41,6 +42,15 @@ def refuse_beyond(size: float, what: str, remedy: str) -> None:
         raise AnalysisError(
             f"{what} would take {size / 1e9:.3g} GB; {available() / 1e9:.3g} GB are free: {remedy}."
         )
+
+
+def map_large_arrays() -> None:
+    """Lets the C library take arrays above 1 MB from the system, and give them back when freed.
+
+    It does so by itself at first, then keeps what was freed among smaller blocks.
+    """
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, 1 << 20)
 
 
 def trim() -> None:

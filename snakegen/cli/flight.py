@@ -151,13 +151,13 @@ def flight(
                 recording = run(
                     machine, mission, progress=step, keep=journal.keep, folder=path.parent, **how
                 )
-            write(recording, path, mesh_folder=meshes)
+            write(recording, path, mesh_folder=meshes.path())
         finally:
             journal.remove()
     if page is not None:
         from snakegen.web.page import write_flight_page
 
-        write_flight_page(recording, Path(page), machine, meshes, typed_command())
+        write_flight_page(recording, Path(page), machine, meshes.path(), typed_command())
         note(f"report: {page}")
     judged = recording.verdict
     passed = judged is not None and judged.passed

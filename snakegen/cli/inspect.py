@@ -104,7 +104,7 @@ def _write_page(recording: Any, path: Path) -> None:
     if not urdf:
         raise LogError("the log holds no URDF, which --html would draw.")
     robot = from_urdf_text(urdf, None, checked=True)
-    write_flight_page(recording, path, robot, mesh_folder(robot, path), typed_command())
+    write_flight_page(recording, path, robot, mesh_folder(robot, path).path(), typed_command())
     note(f"page: {path}")
 
 

@@ -50,7 +50,8 @@ def report(source: Source, stance: Stance, as_json: bool, explain: bool, file: s
     if file and file.endswith(HTML):
         from snakegen.web.page import write_robot_page
 
-        write_robot_page(page, Path(file), meshes_of(source, machine, Path(file)), typed_command())
+        meshes = meshes_of(source, machine, Path(file)).path()
+        write_robot_page(page, Path(file), meshes, typed_command())
     elif file:
         write_markdown(page, Path(file))
     if file:

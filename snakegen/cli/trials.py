@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from snakegen.cli.meshes import MeshFolder
 from snakegen.cli.options import print_json
 
 _SHOWN = (
@@ -28,7 +29,7 @@ _SHOWN = (
 
 def fly_trials(
     machine: Any, mission: str, path: Path, count: int, workers: int | None, as_json: bool,
-    *, seed: int, progress: Any, meshes: Path | None, **how: Any,
+    *, seed: int, progress: Any, meshes: MeshFolder, **how: Any,
 ) -> int:  # fmt: skip
     """Flies trials, logs the worst to `path`, prints the outcome; returns the exit code."""
     from snakegen.errors import MissionError
@@ -50,7 +51,7 @@ def fly_trials(
             found = monte_carlo(ready, count, seed=seed, workers=workers, progress=step)
         worst = fly_again(ready, found.worst, seed=seed)
     path.parent.mkdir(parents=True, exist_ok=True)
-    write(worst, path, mesh_folder=meshes)
+    write(worst, path, mesh_folder=meshes.path())
     out = {"robot": machine.name, "mission": mission, "seed": seed} | found.to_json()
     # what was interrupted has not shown what was asked for
     passed = found.survival == 1.0 and len(found.trials) == count

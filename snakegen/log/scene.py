@@ -62,16 +62,14 @@ def scene(recording: Recording) -> Scene:
     first = lines[0] if lines.shape[1] else np.zeros((1, 3))
     size = float(np.sum(np.linalg.norm(np.diff(first, axis=0), axis=1))) or 1.0
     rotors, newton = _rotors(recording, bones), _newton(recording, size)
+    high = np.zeros(3)
     if rotors:  # the arrows stand over the body
         most = max(
             float(np.max(given, where=np.isfinite(given), initial=0.0))
             for _, given in stored(recording, "thrust").pieces()
         )
-        clouds.append(clouds[0] + [0.0, 0.0, newton * most])
-    cloud = np.concatenate(clouds)
-    cloud = cloud[np.all(np.isfinite(cloud), axis=1)]
-    cloud = cloud if len(cloud) else np.zeros((1, 3))
-    middle = 0.5 * (cloud.min(axis=0) + cloud.max(axis=0))
+        high[2] = newton * most
+    middle, radius = _sphere([*clouds, clouds[0] + high] if rotors else clouds)
     return Scene(
         time,
         bones,
@@ -81,9 +79,18 @@ def scene(recording: Recording) -> Scene:
         ghost,
         size,
         middle,
-        max(float(np.linalg.norm(cloud - middle, axis=1).max()), 0.5 * size),
+        max(radius, 0.5 * size),
         newton,
     )
+
+
+def _sphere(clouds: list[Floats]) -> tuple[Floats, float]:
+    """Returns the middle (3,) of points (n, 3) of some clouds, and how far they are from it [m]."""
+    finite = [cloud[np.all(np.isfinite(cloud), axis=1)] for cloud in clouds]
+    kept = [cloud for cloud in finite if len(cloud)] or [np.zeros((1, 3))]
+    low = np.min([cloud.min(axis=0) for cloud in kept], axis=0)
+    middle = 0.5 * (low + np.max([cloud.max(axis=0) for cloud in kept], axis=0))
+    return middle, max(float(np.linalg.norm(cloud - middle, axis=1).max()) for cloud in kept)
 
 
 def last_finite(values: Floats) -> Floats:

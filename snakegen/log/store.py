@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 F = TypeVar("F", bound=IO[bytes])
 Writer = Callable[[Floats, dict[str, Floats], IO[bytes], Callable[[], None]], None]
 FORMAT = 3  # 2 had the samples of an axis in one piece, 1 no checksum of the whole file
-_NUMBERS = 1 << 21  # of a row group
+_NUMBERS = 1 << 20  # of a row group
 _SHAPE = struct.Struct("<QQ")  # columns and rows of a quick table
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from snakegen.base.memory import trim
+from snakegen.base.memory import map_large_arrays, trim
 from snakegen.base.sample_store import SampleStore, samples_in
 from snakegen.control.controller import Controller, flight_controller, gain_set
 from snakegen.control.servos import bounded_joints
@@ -71,6 +71,7 @@ def run(
         MissionError: the mission does not suit the robot, or cannot start from its posture.
     """
     module = mission(name, robot)
+    map_large_arrays()
     with samples_in(folder):
         if hasattr(module, "fly"):  # no aerial flight: the mission has a loop of its own
             chosen = checked_options(name, module.Options, options or {})

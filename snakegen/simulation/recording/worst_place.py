@@ -17,6 +17,7 @@ from snakegen.base.geometry import Floats
 from snakegen.simulation.drive.metrics import STARTED
 from snakegen.simulation.recording.metric_traces import WHOLE_RUN, find_trace
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.signals import PIECE
 from snakegen.simulation.recording.verdict import Check, Place, Verdict, verdict
 
 SETTLED = 10.0  # s, from which settled errors are measured
@@ -74,24 +75,32 @@ def worst_place(
     time, none = trace.time[inside], np.inf if least else -np.inf
 
     def usable(j: int) -> Floats:
-        values = trace.column(j)[inside]
-        return np.where(np.isfinite(values), values, none)
+        values = np.array(trace.column(j)[inside])
+        values[~np.isfinite(values)] = none
+        recording.release()
+        return values
 
     peaks, scores = [], []
     for j in range(len(trace.parts)):
         values = usable(j)
         peaks.append(float(values.min() if least else values.max()))
-        finite = np.where(np.isfinite(values), values, 0.0)
-        scores.append(float(np.mean(finite**2)) if trace.mean else peaks[-1])
-        recording.release()
+        scores.append(_mean_square(values) if trace.mean else peaks[-1])
+        del values  # a long run's are large
     if not np.isfinite(peaks).any():
         return Place(trace.parts[0], float(time[0]), float(time[0]), float(time[-1]))
     if not least and not max(peaks) > 0.0:
         return None  # nothing of it happened
     j = _column(np.array(scores), value, bound, least)
-    found = _stretch(time, usable(j), trace.parts[j], bound, j, least, trace.mean)
-    recording.release()
-    return found
+    return _stretch(time, usable(j), trace.parts[j], bound, j, least, trace.mean)
+
+
+def _mean_square(values: Floats) -> float:
+    """Returns the mean square of what is finite, the rest counted as 0."""
+    total = 0.0
+    for first in range(0, len(values), PIECE):
+        part = values[first : first + PIECE]
+        total += float(np.sum(np.square(part[np.isfinite(part)])))
+    return total / len(values)
 
 
 def _column(scores: Floats, value: Any, bound: Any, least: bool) -> int:
@@ -114,7 +123,7 @@ def _stretch(
         bound = bound[column] if column < len(bound) else None
     fails = isinstance(bound, int | float) and not isinstance(bound, bool)
     fails = fails and (peak < bound if least else peak > bound)
-    if fails and not (mean and set(np.unique(signal)) <= {0.0, 1.0}):
+    if fails and not (mean and bool(np.all((signal == 0.0) | (signal == 1.0)))):
         beyond = signal < bound if least else signal > bound
     elif least:
         beyond = signal <= peak + (1.0 - NEAR) * abs(peak)
@@ -129,7 +138,8 @@ def _stretch(
 
 def _run(holds: NDArray[np.bool_], at: int, *, longest: bool) -> tuple[int, int]:
     """Returns first and last index of the run of True that has index `at`, or of the longest."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
+    padded = np.concatenate([[False], holds, [False]])
+    edges = np.flatnonzero(padded[1:] != padded[:-1])
     first, last = edges[::2], edges[1::2] - 1
     if not len(first):
         return at, at
