@@ -13,7 +13,7 @@ from snakegen.wrench_margins import inputs
 from snakegen.wrench_margins.branching.directions import branch
 from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.limited import certify_wrench, refine_limited
-from snakegen.wrench_margins.plain import ball_margins
+from snakegen.wrench_margins.plain import ball_margins, ball_support
 from snakegen.wrench_margins.plain.ball_certificate import certify_balls
 from snakegen.wrench_margins.vectored_result import VectoredMargins
 from snakegen.wrench_margins.wrench_search import refine
@@ -154,7 +154,11 @@ def set_margins(
         measure(stack, strength, wrenches, fine, bounds, twists, rank, calls)
         for i in np.flatnonzero((bounds[:, 1:] == 0.0).all(axis=(1, 2))):  # no slice has been tried
             here, apart = hull._replace(points=placed[i], frames=frames[i]), np.empty(6)
-            if distance(here, wrenches[i], apart)[0] > OFF:
+            if one:
+                low, _, apart = ball_support.distance(stack[i], strength, wrenches[i])
+            else:
+                low, _ = distance(here, wrenches[i], apart)
+            if low > OFF:
                 bounds[i], bounds[i, 0], twists[i, 0] = np.nan, (-np.inf, -1.0), apart
         for i in np.flatnonzero((bounds[:, 0, 1] < 0.0) | (starts > 0)):
             refine(stack[i], strength, wrenches[i], bounds[i], twists[i], int(rank[i]), starts)

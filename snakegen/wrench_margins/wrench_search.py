@@ -11,7 +11,6 @@ from snakegen.wrench_margins.plain.ball_support import distance, shoot, slack
 
 Floats = NDArray[np.float64]
 TURNS = 50  # of a ray to the normal that was hit
-ROUNDS = 20_000  # of the descent to a hover out of reach
 
 
 def start_directions(count: int, twists: Floats) -> Floats:
@@ -58,7 +57,7 @@ def refine(
     """Searches the wrench margin from many starts, or measures the distance where infeasible."""
     if bounds[0, 1] < 0.0:
         known = _separating(p, limit, hover, twists)
-        low, high, twists[0] = distance(p, limit, hover, ROUNDS)
+        low, high, twists[0] = distance(p, limit, hover)
         if known[0] > low:  # a thin set, which the descent is slow to leave behind
             low, twists[0] = known
         bounds[0] = -high, -low

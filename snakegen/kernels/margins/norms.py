@@ -1,15 +1,17 @@
-"""Minimum of a sum of norms, ``Σ L_b ‖s_b + M_b x‖ - c·x``, with the dual point that proves it.
+"""Minimum of a sum of norms, ``Σ L_b ‖s_b + M_b x‖ - c·x + ½ q ‖x‖²``, with its dual point.
 
 Each norm is rounded to ``√(r² + ε²)`` and ε driven down; at every ε Newton's method balances
-``Σ M_bᵀ f_b = c`` with ‖f_b‖ ≤ L_b, so the forces of the last ε are feasible whatever it is. Rays
-through the vectored set and slices under joint limits are problems of this form.
+``Σ M_bᵀ f_b + q x = c`` with ‖f_b‖ ≤ L_b, so the forces of the last ε are feasible whatever it is.
+Rays through the vectored set, slices under joint limits (q = 0) and the distance from the set to
+a point (q = 1) are problems of this form.
 """
 
 import numpy as np
 
 from snakegen.kernels.core.jit import jit
 
-BALANCED = 1e-11  # of the largest forces
+BALANCED, STILL = 1e-11, 1e-9  # of the largest forces: sought, and where rounding ends it
+NOISE = 1e-15  # of the sum and of the largest forces, by which rounding may raise it
 ROUNDEST, SHARPEST = 0.3, 1e-11
 
 
@@ -24,12 +26,12 @@ def _reach(start, maps, x, r):
 
 
 @jit
-def objective(start, maps, limit, cost, x, smooth, r):
+def objective(start, maps, limit, cost, square, x, smooth, r):
     """Returns the rounded objective at x (k,); `r` (B, 3) ends as the arguments of the norms."""
     _reach(start, maps, x, r)
     total = 0.0
     for k in range(x.size):
-        total -= cost[k] * x[k]
+        total += (0.5 * square * x[k] - cost[k]) * x[k]
     for b in range(limit.size):
         size = r[b, 0] ** 2 + r[b, 1] ** 2 + r[b, 2] ** 2 + smooth * smooth
         total += limit[b] * np.sqrt(size)
@@ -37,14 +39,14 @@ def objective(start, maps, limit, cost, x, smooth, r):
 
 
 @jit
-def _derivatives(maps, limit, cost, smooth, r, f, g, h):
+def _derivatives(maps, limit, cost, square, x, smooth, r, f, g, h):
     """Fills the forces (B, 3), the gradient (k,) and the lower Hessian (k, k) at r."""
     size_x = g.size
     pull = np.empty(size_x)
     for k in range(size_x):
-        g[k] = -cost[k]
+        g[k] = square * x[k] - cost[k]
         for l in range(k + 1):
-            h[k, l] = 0.0
+            h[k, l] = square if k == l else 0.0
     for b in range(limit.size):
         size = np.sqrt(r[b, 0] ** 2 + r[b, 1] ** 2 + r[b, 2] ** 2 + smooth * smooth)
         stiff = limit[b] / size
@@ -89,19 +91,19 @@ def _solve(h, g, step):
 
 
 @jit
-def _newton(start, maps, limit, cost, x, smooth, f):
+def _newton(start, maps, limit, cost, square, x, smooth, f):
     """Newton's method with halved steps at one rounding, x in place; True if balanced."""
     n = x.size
     r, trial = np.empty(start.shape), np.empty(n)
     g, h, step = np.empty(n), np.empty((n, n)), np.empty(n)
-    small = BALANCED * limit.sum()
-    now = objective(start, maps, limit, cost, x, smooth, r)
+    total, left = limit.sum(), np.inf
+    now = objective(start, maps, limit, cost, square, x, smooth, r)
     for _ in range(60):
-        _derivatives(maps, limit, cost, smooth, r, f, g, h)
+        _derivatives(maps, limit, cost, square, x, smooth, r, f, g, h)
         left = 0.0
         for k in range(n):
             left += abs(g[k])
-        if left <= small:
+        if left <= BALANCED * total:
             return True
         _solve(h, g, step)
         slope = 0.0
@@ -111,20 +113,22 @@ def _newton(start, maps, limit, cost, x, smooth, f):
         while share > 1e-6:
             for k in range(n):
                 trial[k] = x[k] + share * step[k]
-            new = objective(start, maps, limit, cost, trial, smooth, r)
-            if new <= now + 1e-4 * share * slope + 1e-15 * abs(now):
+            new = objective(start, maps, limit, cost, square, trial, smooth, r)
+            if new <= now + 1e-4 * share * slope + NOISE * (abs(now) + total):
                 break
             share *= 0.5
-        if share <= 1e-6:
-            return False
+        if share <= 1e-6 or (left <= STILL * total and share < 1.0):
+            break
         x[:] = trial
         now = new
-    return False
+    return left <= STILL * total  # rounding: as flat as it gets
 
 
 @jit
-def minimise(start, maps, limit, cost, x, f):
+def minimise(start, maps, limit, cost, x, f, square=0.0):
     """Minimises from x (k,), in place; `f` (B, 3) ends as the balanced forces.
+
+    `square` is q.
 
     Returns the ε of the last balanced round, inf where none was: the objective at x and the value
     of the forces differ by at most ``ε Σ L_b``.
@@ -132,7 +136,7 @@ def minimise(start, maps, limit, cost, x, f):
     trial, forces = x.copy(), np.empty(f.shape)
     smooth, reached = ROUNDEST, np.inf
     while smooth > SHARPEST:
-        if not _newton(start, maps, limit, cost, trial, smooth, forces):
+        if not _newton(start, maps, limit, cost, square, trial, smooth, forces):
             break
         reached = smooth
         x[:] = trial

@@ -11,6 +11,7 @@ from snakegen.kernels.core.jit import jit
 from snakegen.kernels.margins.norms import minimise
 
 FREE = 5  # components of a twist d with d·u = 1
+NOTHING = 1e-10  # scaled: a distance that rounding makes
 
 
 @jit
@@ -108,49 +109,32 @@ def residual(f, p, hover, gap):
 
 
 @jit
-def distance(p, limit, hover, rounds, twist):
-    """Returns (lower, upper) of the scaled distance from `hover` to the set (accelerated descent).
+def distance(p, limit, hover, twist):
+    """Returns (lower, upper) of the scaled distance from `hover` to the set.
 
-    Minimises ``½‖Σ (f_j, p_j × f_j + c_j f_j) - w0‖²`` over the balls; `twist` (6,) ends as the
-    unit direction from the set to hover. Stops when the bounds agree to 1e-10.
+    Least ``½‖Σ (f_j, p_j × f_j + c_j f_j) - w0‖²`` over the balls by its dual, the least of
+    ``½‖d‖² + h(d) - d·w0`` over twists: at it d is what the forces leave of w0. `twist` (6,) ends
+    as the unit direction from the set to hover that proves the lower bound, 0 if that is 0.
     """
     n = limit.size
-    f, ahead, fresh = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-    gap, pull, step, momentum = np.empty(6), np.empty((n, 3)), 0.0, 1.0
-    for j in range(n):
-        step += 1.0 + p[j, 0] ** 2 + p[j, 1] ** 2 + p[j, 2] ** 2 + p[j, 3] ** 2
-    low, high = 0.0, np.inf
-    for _ in range(rounds):
-        residual(ahead, p, hover, gap)
+    start, maps, f = np.zeros((n, 3)), np.empty((n, 3, 6)), np.zeros((n, 3))
+    d, gap, pull = np.zeros(6), np.zeros(6), np.empty((n, 3))
+    for k in range(6):
+        gap[k] = 1.0
         moved(gap, p, pull)
-        uphill = 0.0
-        for j in range(n):
-            size = 0.0
-            for c in range(3):
-                fresh[j, c] = ahead[j, c] - pull[j, c] / step
-                size += fresh[j, c] ** 2
-            share = min(1.0, limit[j] / np.sqrt(size)) if size > 0.0 else 1.0
-            for c in range(3):
-                fresh[j, c] *= share
-                uphill += (ahead[j, c] - fresh[j, c]) * (fresh[j, c] - f[j, c])
-        if uphill > 0.0:  # the momentum leads astray: start it again
-            momentum = 1.0
-        faster = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * momentum * momentum))
+        gap[k] = 0.0
         for j in range(n):
             for c in range(3):
-                ahead[j, c] = fresh[j, c] + (momentum - 1.0) / faster * (fresh[j, c] - f[j, c])
-                f[j, c] = fresh[j, c]
-        momentum = faster
-        size = residual(f, p, hover, gap)
-        if size < 1e-12:
-            return 0.0, size
-        high = min(high, size)
-        for c in range(6):
-            gap[c] /= -size
-        below = -slack(gap, p, limit, hover, 0.0, pull)
-        if below > low:
-            low = below
-            twist[:] = gap
-        if high - low <= 1e-10 * high:
-            break
-    return low, high
+                maps[j, c, k] = pull[j, c]
+    minimise(start, maps, limit, hover, d, f, 1.0)
+    twist[:] = 0.0
+    apart = residual(f, p, hover, gap)
+    if apart < NOTHING:
+        return 0.0, apart
+    for c in range(6):
+        gap[c] /= -apart
+    below = -slack(gap, p, limit, hover, 0.0, pull)
+    if below <= 0.0:
+        return 0.0, apart
+    twist[:] = gap
+    return below, apart

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from snakegen.base.geometry import cross
 from snakegen.base.plain_first import plain_first
 from snakegen.kernels.margins import norms, ray_casting
 
@@ -21,7 +22,6 @@ ROUNDINGS = 10.0 ** -np.arange(0.0, 7.5, 1.0)  # ε, of the largest ‖b_j‖
 STEPS = 40  # of Newton at one ε
 STILL = 1e-16  # over ε, of the largest slope there can be: what rounding leaves of it
 BALANCED = 2e-9  # of that slope
-FEW = 20  # distances of some 50 ms each, before the kernel
 FLAT = 1e-13  # of the largest curvature, below which there is none
 NOISE = 1e-14  # of the sum, by which rounding may raise it
 
@@ -37,7 +37,7 @@ class Balance(NamedTuple):
 def twist_speeds(twists: Floats, p: Floats) -> Floats:
     """Returns ``v + ω × p_j + c_j ω`` (m, n, 3) of twists (m, 6); p (n, 4)."""
     v, w = twists[:, None, :3], twists[:, None, 3:]
-    return v + np.cross(w, p[None, :, :3]) + p[None, :, 3:] * w
+    return v + cross(w, p[None, :, :3]) + p[None, :, 3:] * w
 
 
 def slack(twists: Floats, p: Floats, limit: Floats, hover: Floats) -> Floats:
@@ -47,7 +47,7 @@ def slack(twists: Floats, p: Floats, limit: Floats, hover: Floats) -> Floats:
 
 def net_wrench(forces: Floats, p: Floats, hover: Floats) -> Floats:
     """Returns the wrenches (m, 6) of forces (m, n, 3), seen from hover."""
-    moment = np.cross(p[None, :, :3], forces) + p[None, :, 3:] * forces
+    moment = cross(p[None, :, :3], forces) + p[None, :, 3:] * forces
     return np.hstack([forces.sum(axis=1), moment.sum(axis=1)]) - hover
 
 
@@ -121,19 +121,68 @@ def _newton(
 
 @plain_first(norms.minimise)
 def minimise(
-    start: Floats, maps: Floats, limit: Floats, cost: Floats, x: Floats, f: Floats
+    start: Floats,
+    maps: Floats,
+    limit: Floats,
+    cost: Floats,
+    x: Floats,
+    f: Floats,
+    square: float = 0.0,
 ) -> float:
     """Minimises one sum of B norms: writes x (k,) and the forces f (B, 3) that balance it.
 
     Returns the ε of the sum, inf where forces do not balance: the sum at x and the value of the
-    forces differ by at most ``ε Σ L_j``. Arguments as in `balance`, without its m.
+    forces differ by at most ``ε Σ L_j``. Arguments as in `balance`, without its m; the sum has
+    ``½ square ‖x‖²`` too, whose slope the forces then balance. Roundings shrink as the kernel's
+    do, so that both end at the same one.
     """
-    found = balance(start[None], maps[None], limit, cost[None])
-    if not found.balanced[0]:  # the kernel sharpens farther; rare enough to wait for its compiler
-        return float(norms.minimise(start, maps, limit, cost, x, f))
-    x[:], f[:] = found.x[0], found.forces[0]
-    sharpest = ROUNDINGS[-1] * max(float(np.linalg.norm(start, axis=1).max()), 1e-300)
-    return sharpest if found.balanced[0] else np.inf
+    rounding, reached = norms.ROUNDEST, np.inf
+    while rounding > norms.SHARPEST:
+        found = _balance_one(x, (start, maps, limit, cost, square), rounding)
+        if found is None:
+            break
+        x[:], f[:] = found
+        reached, rounding = rounding, 0.2 * rounding
+    return reached
+
+
+def _balance_one(
+    x: Floats, problem: tuple[Floats, Floats, Floats, Floats, float], rounding: float
+) -> tuple[Floats, Floats] | None:
+    """Returns x (k,) and forces (B, 3) that balance one rounded sum, by Newton's method."""
+    start, maps, limit, cost, square = problem
+
+    def at(x: Floats) -> tuple[Floats, Floats, float]:
+        a = start + maps @ x
+        norm = np.sqrt((a * a).sum(axis=1) + rounding**2)
+        return a, norm, float(norm @ limit - cost @ x + 0.5 * square * (x @ x))
+
+    a, norm, value = at(x)
+    for _ in range(60):
+        forces = a * (limit / norm)[:, None]
+        pull = np.einsum("jck,jc->jk", maps, forces)
+        slope = pull.sum(axis=0) - cost + square * x
+        left = np.abs(slope).sum() / limit.sum()
+        if left <= norms.BALANCED:
+            return x, forces
+        along = pull / np.sqrt(limit * norm)[:, None]
+        bend = np.einsum("jck,jcl->kl", maps * (limit / norm)[:, None, None], maps)
+        bend -= along.T @ along
+        bend += (square + 1e-13 * np.trace(bend)) * np.eye(len(x))
+        try:
+            step = -np.linalg.solve(bend, slope)
+        except np.linalg.LinAlgError:  # flat in some direction
+            break
+        part, noise = 1.0, norms.NOISE * (abs(value) + limit.sum())
+        while part > 1e-6:
+            a, norm, there = at(x + part * step)
+            if there <= value + 1e-4 * part * (slope @ step) + noise:
+                break
+            part *= 0.5
+        if part <= 1e-6 or (left <= norms.STILL and part < 1.0):
+            break
+        x, value = x + part * step, there
+    return (x, forces) if left <= norms.STILL else None  # rounding: as flat as it gets
 
 
 def _compiled_shoot(
@@ -145,11 +194,9 @@ def _compiled_shoot(
     return lower, upper, twists
 
 
-def _compiled_distance(
-    p: Floats, limit: Floats, hover: Floats, rounds: int
-) -> tuple[float, float, Floats]:
+def _compiled_distance(p: Floats, limit: Floats, hover: Floats) -> tuple[float, float, Floats]:
     twist = np.zeros(6)
-    low, high = ray_casting.distance(p, limit, hover, rounds, twist)
+    low, high = ray_casting.distance(p, limit, hover, twist)
     return low, high, twist
 
 
@@ -171,34 +218,19 @@ def shoot(u: Floats, p: Floats, limit: Floats, hover: Floats) -> tuple[Floats, F
     return np.where(found.balanced, lower, -np.inf), slack(twists, p, limit, hover), twists
 
 
-@plain_first(_compiled_distance, calls=FEW)
-def distance(p: Floats, limit: Floats, hover: Floats, rounds: int) -> tuple[float, float, Floats]:
+@plain_first(_compiled_distance)
+def distance(p: Floats, limit: Floats, hover: Floats) -> tuple[float, float, Floats]:
     """Returns (lower, upper) of the scaled distance from `hover` to the set; its unit direction.
 
-    Accelerated descent on ``½‖Σ (f_j, p_j × f_j + c_j f_j) - w0‖²`` over the balls; stops when the
-    bounds agree to 1e-10.
+    Least ``½‖Σ (f_j, p_j × f_j + c_j f_j) - w0‖²`` over the balls by its dual, the least of
+    ``½‖d‖² + h(d) - d·w0`` over twists: at it d is what the forces leave of w0.
     """
-    forces = ahead = np.zeros((len(limit), 3))
-    step, momentum = float((1.0 + (p * p).sum(axis=1)).sum()), 1.0
-    low, high, twist = 0.0, np.inf, np.zeros(6)
-    for _ in range(rounds):
-        pull = twist_speeds(net_wrench(ahead[None], p, hover), p)[0]
-        fresh = ahead - pull / step
-        size = np.linalg.norm(fresh, axis=1)
-        fresh *= np.minimum(1.0, limit / np.maximum(size, 1e-300))[:, None]
-        if ((ahead - fresh) * (fresh - forces)).sum() > 0.0:  # the momentum leads astray
-            momentum = 1.0
-        faster = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * momentum * momentum))
-        ahead, forces = fresh + (momentum - 1.0) / faster * (fresh - forces), fresh
-        momentum = faster
-        gap = net_wrench(forces[None], p, hover)
-        apart = float(np.linalg.norm(gap))
-        if apart < 1e-12:
-            return 0.0, apart, twist
-        high = min(high, apart)
-        below = -float(slack(-gap / apart, p, limit, hover)[0])
-        if below > low:
-            low, twist = below, -gap[0] / apart
-        if high - low <= 1e-10 * high:
-            break
-    return low, high, twist
+    maps = twist_speeds(np.eye(6), p).transpose(1, 2, 0)
+    twist, forces, start = np.zeros(6), np.zeros((len(p), 3)), np.zeros((len(p), 3))
+    minimise.__wrapped__(start, maps, limit, hover, twist, forces, 1.0)  # type: ignore[attr-defined]
+    gap = net_wrench(forces[None], p, hover)[0]
+    apart = float(np.linalg.norm(gap))
+    if apart < ray_casting.NOTHING:
+        return 0.0, apart, np.zeros(6)
+    low = -float(slack(-gap[None] / apart, p, limit, hover)[0])
+    return max(low, 0.0), apart, -gap / apart if low > 0.0 else np.zeros(6)
