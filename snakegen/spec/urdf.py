@@ -6,6 +6,7 @@ The text after the four banner lines is what stock xacro gives for the same spec
 import importlib
 import re
 import tempfile
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from snakegen.spec.loading import load_spec, templates_folder
 from snakegen.spec.xacro_speed import one_step_replacement
 
 MAX_BYTES = 100_000_000  # some 15,000 links
+KEPT = 32  # expansions
 _BANNER = re.compile(r"(?:<!-- (?:=+|\|.*?\|) -->\n){4}")
 _OURS = "<!-- Made by snakegen from {spec}; stock xacro gives the same from templates/. -->\n"
 
@@ -29,29 +31,41 @@ def expand(spec_path: Path, mesh_prefix: str = "meshes/") -> str:
     Raises:
         DescriptionError: the templates do not expand, with xacro's own sentence.
     """
-    import xacro
-
-    yaml_file.refuse_executable(spec_path.read_text(encoding="utf-8"), spec_path.name)
-    template = templates_folder() / "snake.urdf.xacro"
-    mappings = {"spec": str(spec_path.resolve()), "mesh_prefix": mesh_prefix}
-    try:
-        with one_step_replacement():
-            document = xacro.process_file(str(template), mappings=mappings)
-    except Exception as error:
-        reason = str(error)
-        importlib.reload(xacro)  # a failure leaves xacro's module state half-way
-        raise DescriptionError(f"{spec_path.name}: the templates do not expand: {reason}") from None
-    text = document.toprettyxml(indent="  ")
-    return _BANNER.sub(_OURS.format(spec=spec_path.name), text, count=1)
+    return _expanded(spec_path.read_text(encoding="utf-8"), spec_path.name, mesh_prefix, _stamps())
 
 
 def urdf_text(source: Any) -> str:
     """Returns the URDF text of a preset name, spec file or RobotSpec, without writing files."""
     spec = load_spec(source)
+    text = yaml_file.dump(spec.resolved())
+    return _expanded(text, f"{spec.name}.spec.yaml", "meshes/", _stamps())
+
+
+def _stamps() -> tuple[tuple[str, int], ...]:
+    """Returns path and time of every template: expansions of an edited one are made anew."""
+    files = sorted(templates_folder().rglob("*.xacro"))
+    return tuple((str(file), file.stat().st_mtime_ns) for file in files)
+
+
+@lru_cache(maxsize=KEPT)
+def _expanded(text: str, name: str, mesh_prefix: str, stamps: tuple[tuple[str, int], ...]) -> str:
+    """Expands a resolved spec's text, which is called `name`; 0.1 s, so the latest are kept."""
+    import xacro
+
+    yaml_file.refuse_executable(text, name)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"{spec.name}.spec.yaml"
-        path.write_text(yaml_file.dump(spec.resolved()), encoding="utf-8")
-        return expand(path)
+        path = Path(folder) / name
+        path.write_text(text, encoding="utf-8")
+        mappings = {"spec": str(path.resolve()), "mesh_prefix": mesh_prefix}
+        try:
+            with one_step_replacement():
+                template = templates_folder() / "snake.urdf.xacro"
+                document = xacro.process_file(str(template), mappings=mappings)
+        except Exception as error:
+            reason = str(error)
+            importlib.reload(xacro)  # a failure leaves xacro's module state half-way
+            raise DescriptionError(f"{name}: the templates do not expand: {reason}") from None
+    return _BANNER.sub(_OURS.format(spec=name), document.toprettyxml(indent="  "), count=1)
 
 
 def read_urdf(path: Path) -> str:
