@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.base.describe_motion import components
-from snakegen.base.geometry import Floats, rotation_about, rpy_from_rotation
+from snakegen.base.geometry import Floats, cross, rotation_about, rpy_from_rotation
 from snakegen.robot.force_sets import fixed_rotors_in_the_way, gimbals_in_the_way
 from snakegen.robot.posture import aim_gimbals
 from snakegen.robot.robot import Robot
@@ -170,15 +170,32 @@ def _search(sets: ForceSets, x: Floats, up: Floats, weight: float, arm: float) -
         wrench = _wrench(sets, _forces(sets, y))
         return np.r_[wrench[:3] @ wrench[:3] / weight**2 - 1.0, wrench[3:] / (weight * arm)]
 
+    def missed_slope(y: Floats) -> Floats:
+        total, by = _forces(sets, y).sum(axis=0), _force_slopes(sets, y)
+        torque = cross(sets.points, by) + sets.drag[:, None] * by
+        rows = np.concatenate([2.0 / weight * (by @ total)[..., None], torque / arm], axis=-1)
+        return np.asarray(rows.reshape(-1, 4).T / weight)
+
     found = minimize(
         lambda y: -float(_forces(sets, y).sum(axis=0) @ up) / weight,
         x,
-        constraints={"type": "eq", "fun": missed},
+        jac=lambda y: -(_force_slopes(sets, y) @ up).ravel() / weight,
+        constraints={"type": "eq", "fun": missed, "jac": missed_slope},
         bounds=list(zip(low, high, strict=True)),
         method="SLSQP",
         options={"maxiter": 200, "ftol": 1e-12},
     )
     return np.clip(np.asarray(found.x, float), low, high)
+
+
+def _force_slopes(sets: ForceSets, x: Floats) -> Floats:
+    """Returns each force's derivative (3, n, 3) by its thrust, φ and θ, of `_forces`."""
+    thrust, phi, theta = x.reshape(3, -1)
+    sin_p, cos_p, sin_t, cos_t = np.sin(phi), np.cos(phi), np.sin(theta), np.cos(theta)
+    by_thrust = [sin_t, -sin_p * cos_t, cos_p * cos_t]
+    by_phi = [0.0 * phi, -cos_p * cos_t * thrust, -sin_p * cos_t * thrust]
+    by_theta = [cos_t * thrust, sin_p * sin_t * thrust, -cos_p * sin_t * thrust]
+    return np.einsum("nij,kjn->kni", sets.frames, np.array([by_thrust, by_phi, by_theta]))
 
 
 def _forces(sets: ForceSets, x: Floats) -> Floats:
@@ -190,5 +207,5 @@ def _forces(sets: ForceSets, x: Floats) -> Floats:
 
 def _wrench(sets: ForceSets, forces: Floats) -> Floats:
     """Returns the wrench (6,) of forces (n, 3)."""
-    torque = np.cross(sets.points, forces) + sets.drag[:, None] * forces
+    torque = cross(sets.points, forces) + sets.drag[:, None] * forces
     return np.r_[forces.sum(axis=0), torque.sum(axis=0)]

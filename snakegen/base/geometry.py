@@ -20,6 +20,15 @@ def skew(v: ArrayLike) -> Floats:
     return out
 
 
+def cross(a: Floats, b: Floats) -> Floats:
+    """Returns ``a × b`` of vectors (…, 3); `np.cross` takes four times as long for one."""
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out[..., 0], out[..., 1], out[..., 2] = y * w - z * v, z * u - x * w, x * v - y * u
+    return out
+
+
 def unskew(m: ArrayLike) -> Floats:
     """Returns the (3,) vector of the skew part of `m`, the inverse of `skew` (the paper's ∨)."""
     m = np.asarray(m, float)
@@ -29,7 +38,7 @@ def unskew(m: ArrayLike) -> Floats:
 def move_wrench(wrench: ArrayLike, lever: ArrayLike) -> Floats:
     """Returns the (6,) `wrench` about a point O, given about O + `lever` (m, same axes)."""
     w = np.asarray(wrench, float)
-    return np.concatenate([w[:3], w[3:] + np.cross(np.asarray(lever, float), w[:3])])
+    return np.concatenate([w[:3], w[3:] + cross(np.asarray(lever, float), w[:3])])
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Floats:

@@ -6,7 +6,7 @@ force is made by tilt and gimbals, ``[f_z; τ]`` by the rotors' thrusts. Angles 
 
 import numpy as np
 
-from snakegen.base.geometry import Floats, rotation_from_rpy, rpy_from_rotation
+from snakegen.base.geometry import Floats, cross, rotation_from_rpy, rpy_from_rotation
 from snakegen.control.vectored_allocation import least_norm, least_singular_value
 from snakegen.kernels.allocation.gimbals import LEVER, ORIGIN
 from snakegen.robot.gimbal_geometry import point_thrust, turned
@@ -81,7 +81,7 @@ def rotor_map(m: Floats, rotor: Floats, angles: Floats) -> Floats:
         j = int(apparatus)
         once, twice = turned(m, j, angles[j])
         u, p = twice @ axis, m[j, ORIGIN] + once @ m[j, LEVER] + twice @ point
-        q[:3, r], q[3:, r] = u, np.cross(p, u) + ratio * u
+        q[:3, r], q[3:, r] = u, cross(p, u) + ratio * u
     return q
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from snakegen.base.geometry import unskew
+from snakegen.base.geometry import cross, unskew
 from snakegen.control.gains import Floats, Gains
 
 
@@ -69,7 +69,7 @@ def desired_torque(
     rate = now.T @ there @ _vector(wanted_angular) - w  # e_ω = RᵀR_des ω_des - ω
     turn = gains.torque_p * attitude_error(now, there)
     turn = turn + gains.torque_i * _vector(integral) + gains.torque_d * rate
-    gyration = np.cross(w, body @ w) if gyroscopic else 0.0
+    gyration = cross(w, body @ w) if gyroscopic else 0.0
     return np.asarray(body @ turn + gyration)
 
 

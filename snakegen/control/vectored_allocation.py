@@ -7,7 +7,7 @@ is confined to what the rest can reach.
 
 import numpy as np
 
-from snakegen.base.geometry import Floats, skew
+from snakegen.base.geometry import Floats, cross, skew
 from snakegen.kernels.allocation.fully_actuated import AT_REST
 from snakegen.kernels.allocation.gimbals import AXIS, EXTRA, FIRST, LEVER, ORIGIN, POINT, SECOND
 from snakegen.robot.gimbal_geometry import point_thrust, turned
@@ -64,7 +64,7 @@ def point_map(m: Floats, angles: Floats, allowed: Floats) -> Floats:
 def wrench_of(m: Floats, thrust: Floats, angles: Floats) -> Floats:
     """Returns ``Q(φ, θ) λ`` (6,), rotors of an apparatus sharing its thrust: eq 13."""
     u, p = thrust_lines(m, angles)
-    moment = np.cross(p, u) + m[:, EXTRA, :1] * u
+    moment = cross(p, u) + m[:, EXTRA, :1] * u
     return np.asarray(thrust @ np.hstack([u, moment]))
 
 
@@ -74,13 +74,13 @@ def wrench_jacobian(m: Floats, thrust: Floats, angles: Floats) -> Floats:
     ``∂u = a × u``, ``∂p = a × (p - o)`` of a joint with axis a through o.
     """
     (u, p), c = thrust_lines(m, angles), m[:, EXTRA, :1]
-    columns = [np.hstack([u, np.cross(p, u) + c * u])]
+    columns = [np.hstack([u, cross(p, u) + c * u])]
     turns = [turned(m, j, x)[0] for j, x in enumerate(angles)]
     elbows = np.array([m[j, ORIGIN] + t @ m[j, LEVER] for j, t in enumerate(turns)]).reshape(-1, 3)
     for kind, origin in ((FIRST, m[:, ORIGIN]), (SECOND, elbows)):
         a = np.array([t @ m[j, kind] for j, t in enumerate(turns)]).reshape(-1, 3)
-        du, dp = np.cross(a, u), np.cross(a, p - origin)
-        moment = np.cross(dp, u) + np.cross(p, du) + c * du
+        du, dp = cross(a, u), cross(a, p - origin)
+        moment = cross(dp, u) + cross(p, du) + c * du
         columns.append(thrust[:, None] * np.hstack([du, moment]))
     return np.vstack(columns).T
 

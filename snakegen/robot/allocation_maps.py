@@ -7,7 +7,7 @@ twin of a kernel in `kernels/allocation/wrench_map.py` and agrees with it to rou
 
 import numpy as np
 
-from snakegen.base.geometry import Floats
+from snakegen.base.geometry import Floats, cross
 from snakegen.kernels.core.types import Gimbals, Rotors, Tree
 from snakegen.robot.kinematics import centre_of_gravity
 
@@ -27,7 +27,7 @@ def rotor_frames(
 def dual_map(rotors: Rotors, points: Floats, directions: Floats) -> Floats:
     """Returns the map (6, n) from rotor thrusts [N] to the wrench: eqs 7-10."""
     drag = rotors.torque_ratio[:, None] * directions
-    return np.hstack([directions, np.cross(points, directions) + drag]).T.copy()
+    return np.hstack([directions, cross(points, directions) + drag]).T.copy()
 
 
 def sharing(rotors: Rotors, apparatuses: int) -> Floats:
@@ -98,9 +98,9 @@ def jacobian_map(
     for joint in (gimbals.roll_body, gimbals.pitch_body):
         body = joint[rotors.apparatus]
         a = np.einsum("rij,rj->ri", rotation[body], tree.axis[body]) @ axes
-        du = np.cross(a, u) * (body >= 0)[:, None]
-        dp = np.cross(a, p - (position[body] - cog) @ axes) * (body >= 0)[:, None]
-        moment = np.cross(dp, u) + np.cross(p, du) + rotors.torque_ratio[:, None] * du
+        du = cross(a, u) * (body >= 0)[:, None]
+        dp = cross(a, p - (position[body] - cog) @ axes) * (body >= 0)[:, None]
+        moment = cross(dp, u) + cross(p, du) + rotors.torque_ratio[:, None] * du
         columns.append(np.hstack([du, moment]).T @ (shared * thrust))
     return np.hstack(columns)
 

@@ -6,7 +6,7 @@ and agrees with it to round-off (`tests/test_plain_twins.py`). All results are i
 
 import numpy as np
 
-from snakegen.base.geometry import Floats, skew
+from snakegen.base.geometry import Floats, cross, skew
 from snakegen.kernels.core.types import Tree
 
 
@@ -117,5 +117,5 @@ def _joint_columns(tree: Tree, rotation: Floats, lever: Floats) -> Floats:
     """Returns (6, n-1): the twist that a unit rate of each joint gives a body at ``lever = 0``."""
     axis = np.einsum("ijk,ik->ij", rotation, tree.axis)[1:]
     slides = tree.prismatic[1:, None] > 0
-    linear = np.where(slides, axis, np.cross(lever[1:], axis))
+    linear = np.where(slides, axis, cross(lever[1:], axis))
     return np.hstack([linear, np.where(slides, 0.0, axis)]).T.copy()

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from snakegen.base.geometry import Floats, move_wrench
+from snakegen.base.plain_first import plain_first
 from snakegen.errors import AnalysisError
 from snakegen.kernels.core.types import Ints
 from snakegen.kernels.dynamics import torque_terms as dynamics
@@ -23,6 +24,7 @@ from snakegen.statics import torque_terms as plain
 Depth = Literal["full", "quasi_static", "static"]
 Wrenches = Mapping[str, ArrayLike] | str | None
 DOWN = (0.0, 0.0, -GRAVITY)
+_terms = plain_first(dynamics.torque_terms, calls=1000)(plain.torque_terms)  # kernel: 9 s
 _CHAIN_JOINT = re.compile(r"(joint\d+)_(?:pitch|yaw|roll)")
 
 
@@ -109,7 +111,7 @@ def torque_terms(
         external += rotor_wrenches(robot, q, thrust)
     if body_wrenches is not None:
         external += body_wrenches
-    rows = plain.torque_terms(
+    rows = _terms(
         robot.tree,
         armature(robot),
         segments(robot),

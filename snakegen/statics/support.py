@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from snakegen.base.geometry import Floats, move_wrench
+from snakegen.base.geometry import Floats, cross, move_wrench
 from snakegen.errors import AnalysisError
 from snakegen.robot.allocation_maps import force_map, mean_drag
 from snakegen.robot.box_allocation import box_allocation
@@ -138,7 +138,7 @@ def _dual(robot: Robot, q: Floats, load: Floats) -> Support | None:
     for k, b in enumerate(rotors.body):
         axis = rotation[b] @ rotors.axis[k]
         arm = position[b] + rotation[b] @ rotors.position[k] - cog
-        matrix[:, k] = np.concatenate([axis, np.cross(arm, axis) + rotors.torque_ratio[k] * axis])
+        matrix[:, k] = np.concatenate([axis, cross(arm, axis) + rotors.torque_ratio[k] * axis])
     size = max(float(np.linalg.norm(target)), 1e-9)
     rows = scale / size
     thrust = box_allocation(
@@ -151,7 +151,7 @@ def _dual(robot: Robot, q: Floats, load: Floats) -> Support | None:
 
 def _target(robot: Robot, load: Floats, cog: Floats) -> tuple[Floats, Floats]:
     """Returns row scales (6,), and the scaled wrench about the CoG that answers `load`."""
-    about = np.concatenate([load[:3], load[3:] - np.cross(cog, load[:3])])
+    about = np.concatenate([load[:3], load[3:] - cross(cog, load[:3])])
     scale = np.repeat([1.0, 1.0 / robot.link_length], 3)
     return scale, -scale * about
 

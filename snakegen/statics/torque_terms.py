@@ -8,7 +8,7 @@ terms are named.
 
 import numpy as np
 
-from snakegen.base.geometry import Floats
+from snakegen.base.geometry import Floats, cross
 from snakegen.kernels.core.types import Ints, Tree
 from snakegen.kernels.dynamics.torque_terms import BODY_TERMS
 from snakegen.robot.kinematics import forward
@@ -46,15 +46,15 @@ def torque_terms(
     e, c = _turned(rotation, tree.axis), _turned(rotation, tree.com)
     w, alpha, acceleration = _motion(tree, base_rotation, p, e, v, a)
     inertia = rotation @ tree.inertia @ np.swapaxes(rotation, -1, -2)
-    at_com = acceleration + np.cross(alpha, c)
-    at_com[1] += np.cross(w, np.cross(w, c))
+    at_com = acceleration + cross(alpha, c)
+    at_com[1] += cross(w, cross(w, c))
     mass, none, x = tree.mass[:, None], np.zeros_like(p), p + c
     external = wrenches + none.repeat(2, axis=-1)
     body = [  # (…, n, 6) each: a body's share of every wrench
         _about_base(x, none - mass * gravity, none),
         _about_base(x, mass * at_com[0], none),
         _about_base(x, none, _turned(inertia, alpha[0])),
-        _about_base(x, none, np.cross(w, _turned(inertia, w))),
+        _about_base(x, none, cross(w, _turned(inertia, w))),
         _about_base(x, mass * at_com[1], _turned(inertia, alpha[1])),
         -_about_base(p, external[..., :3], external[..., 3:]),
     ]
@@ -65,7 +65,7 @@ def torque_terms(
     for i in range(len(tree.parent) - 1, 0, -1):
         total[..., tree.parent[i], :] += total[..., i, :]
     slides = (tree.prismatic > 0)[:, None]
-    linear, angular = np.where(slides, e, np.cross(p, e)), np.where(slides, 0.0, e)
+    linear, angular = np.where(slides, e, cross(p, e)), np.where(slides, 0.0, e)
     columns = np.concatenate([linear, angular], axis=-1)  # S
     out = np.zeros((*angles.shape[:-1], BODY_TERMS + 2, 5 + len(tree.parent)))
     terms, base = [*range(BODY_TERMS), BODY_TERMS + 1], rotation[..., 0, :, :]
@@ -85,7 +85,7 @@ def _turned(rotation: Floats, x: Floats) -> Floats:
 
 def _about_base(x: Floats, force: Floats, moment: Floats) -> Floats:
     """Returns wrenches (…, 6) about the base origin of forces at x (…, 3) and free moments."""
-    return np.concatenate([force, np.cross(x, force) + moment], axis=-1)
+    return np.concatenate([force, cross(x, force) + moment], axis=-1)
 
 
 def _motion(
@@ -99,14 +99,14 @@ def _motion(
     w[..., 0, :] = _turned(base_rotation, v[..., 3:6])
     alpha[0, ..., 0, :] = _turned(base_rotation, a[..., 3:6])
     linear[0, ..., 0, :] = _turned(base_rotation, a[..., :3])  # p̈ = R (v̇ + ω × v), base axes
-    linear[1, ..., 0, :] = _turned(base_rotation, np.cross(v[..., 3:6], v[..., :3]))
+    linear[1, ..., 0, :] = _turned(base_rotation, cross(v[..., 3:6], v[..., :3]))
     for i, j in enumerate(tree.parent[1:], 1):
         r, axis = p[..., i, :] - p[..., j, :], e[..., i, :]
         rate, rate2, spin = v[..., 5 + i, None], a[..., 5 + i, None], w[..., j, :]
-        swept = np.cross(spin, axis) * rate
+        swept = cross(spin, axis) * rate
         w[..., i, :], alpha[..., i, :] = spin, alpha[..., j, :]
-        linear[..., i, :] = linear[..., j, :] + np.cross(alpha[..., j, :], r)
-        linear[1, ..., i, :] += np.cross(spin, np.cross(spin, r))
+        linear[..., i, :] = linear[..., j, :] + cross(alpha[..., j, :], r)
+        linear[1, ..., i, :] += cross(spin, cross(spin, r))
         if tree.prismatic[i]:
             linear[0, ..., i, :] += axis * rate2
             linear[1, ..., i, :] += 2.0 * swept
