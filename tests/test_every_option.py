@@ -121,8 +121,13 @@ QUICK = {
     "attitude": ["--samples=4", "--margin=force_margin"],
     "reach": ["--duration=2", "--dt=0.05"],
     "motion": ["--rate=50"],
+    "traction": ["--friction=0.5"],
 }
-SMALL = {"attitude": {"samples": 4}, "reach": {"duration": 2.0, "dt": 0.05}}
+SMALL = {
+    "attitude": {"samples": 4},
+    "reach": {"duration": 2.0, "dt": 0.05},
+    "traction": {"friction": "0.5"},
+}
 NO_NUMBER = re.compile(r"(?<![\w-])(?:nan|inf|NaN|Infinity)(?![\w-])")
 
 

@@ -234,7 +234,10 @@ def test_a_cluster_runs_the_same_sweep_and_survives_a_dead_worker(
     assert_same_sweep(robot, samples, path)
 
 
-def test_a_cluster_that_is_not_there_is_one_line(robot: Robot, tmp_path: Path) -> None:
+def test_a_cluster_that_is_not_there_is_one_line(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("snakegen.sweep.executors.PATIENCE", 0.5)
     with pytest.raises(AnalysisError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         sweep(
             robot, robot.chain_joints, some(robot, 4), tmp_path / "s.parquet",

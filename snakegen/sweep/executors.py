@@ -21,6 +21,7 @@ from snakegen.errors import AnalysisError
 from snakegen.sweep.worker import Task, work
 
 RETRIES = 3  # how often a broken pool is made anew
+PATIENCE = 10.0  # s, for the answer of a scheduler
 Parts = Callable[[], Iterator[tuple[int, Floats]]]  # the parts still missing, with their samples
 Keep = Callable[[int, Floats, Floats], None]  # index, samples, margins
 
@@ -86,7 +87,7 @@ def run_on_cluster(address: str, task: Task, parts: Parts, keep: Keep) -> None:
             "a cluster needs Dask distributed: install snakegen[cluster]."
         ) from None
     try:
-        client = Client(address, timeout="10s")
+        client = Client(address, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         raise AnalysisError(f"no Dask scheduler answers at {address} ({error}).") from None
     lost = (CancelledError, KilledWorker, RuntimeError, OSError)
