@@ -8,9 +8,11 @@ from scipy.spatial.transform import Rotation
 import snakegen
 import snakegen.robot
 from snakegen.analysis import reach, tunnel
+from snakegen.base.geometry import rotation_from_rpy
 from snakegen.description.mjcf.decorate import decorate
-from snakegen.errors import AnalysisError
-from snakegen.inverse_kinematics.collisions import Collisions, Obstacle, obstacles_of
+from snakegen.errors import AnalysisError, SceneError
+from snakegen.inverse_kinematics.collisions import Collisions, obstacles_of
+from snakegen.scene.solids import Solid
 from snakegen.spec.loading import load_spec
 
 
@@ -21,11 +23,13 @@ def arm():
 
 def test_distances_are_mujocos(arm):
     """Random postures, self and obstacle: the least distance over the same pairs."""
-    box = Obstacle("box", (0.9, 0.3, 0.1), (0.1, 0.05, 0.2), (0.3, 0.2, 0.1))
+    rpy = np.array([0.3, 0.2, 0.1])
+    middle, size = np.array([0.9, 0.3, 0.1]), (0.1, 0.05, 0.2)
+    box = Solid("box", "box", middle, rotation_from_rpy(rpy), size)
     world = Collisions(arm, (box,))
     spec = decorate(arm.urdf, arm.modules, {}, visuals=False)
-    made = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre, size=box.half)
-    made.quat = Rotation.from_euler("xyz", box.rpy).as_quat(scalar_first=True)
+    made = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre, size=box.size)
+    made.quat = Rotation.from_euler("xyz", rpy).as_quat(scalar_first=True)
     model = spec.compile()
     data = mujoco.MjData(model)
     shapes = {
@@ -53,7 +57,7 @@ def test_distances_are_mujocos(arm):
 def test_a_straight_arm_over_a_box_and_the_floor(arm):
     """30 mm below the rod; and the floor, 1.4 m below the base, where there is no box."""
     still = np.zeros((1, 12))
-    box = Obstacle("box", (1.0, 0.0, -0.04 - 0.03 - 0.02), (0.1, 0.1, 0.02))
+    box = Solid("box", "box", np.array([1.0, 0.0, -0.04 - 0.03 - 0.02]), size=(0.1, 0.1, 0.02))
     found = Collisions(arm, (box,)).nearest(still, arm.joint_names)
     assert found.distance == pytest.approx(0.03, abs=1e-6)
     assert set(found.pair) == {"box", found.pair[0]} and found.pair[1] == "box"
@@ -70,7 +74,7 @@ def test_reach_goes_round_an_obstacle(arm):
     assert plain.complete and plain.nearest.free
     middle = plain.track.angles[len(plain.track.angles) // 2]
     place = tip_of(arm, middle, "link4")
-    box = Obstacle("box", tuple(place), (0.03, 0.03, 0.03))
+    box = Solid("box", "box", np.array(place), size=(0.03, 0.03, 0.03))
     one = reach.analyze(arm, q, port=port, depth=0.1, duration=1.0, obstacles=[box], tries=1)
     assert not one.complete and one.nearest.distance < 0 and "box" in one.nearest.pair
     many = reach.analyze(arm, q, port=port, depth=0.1, duration=1.0, obstacles=[box], tries=30)
@@ -104,7 +108,7 @@ def test_a_tunnel_under_the_floor_is_a_collision():
 )  # fmt: skip
 def test_scenes_that_are_none_are_refused(text, tmp_path):
     (tmp_path / "s.yaml").write_text(text)
-    with pytest.raises(AnalysisError, match=r"s\.yaml"):
+    with pytest.raises(SceneError, match=r"s\.yaml"):
         obstacles_of(tmp_path / "s.yaml")
 
 
@@ -118,3 +122,25 @@ def test_meshes_that_cannot_be_read_are_said_to_be_left_out(arm, tmp_path):
     robot = snakegen.robot.robot.from_urdf_text(text, path, checked=True)
     found = Collisions(robot).nearest(np.zeros((1, 12)), robot.joint_names)
     assert found.note.startswith("not checked") and found.to_json()["collision_free"] is None
+
+
+SCENE = """
+obstacles:
+  - {name: pipe, kind: pipe, points: [[1.4, 0.08, 0.08], [1.5, 0.08, 0.08]], radius: 0.06}
+  - {name: post, kind: cylinder, from: [0.6, 0.9, -1], to: [0.6, 0.9, 1], radius: 0.05}
+"""
+
+
+def test_a_tunnel_is_a_bore_of_the_scene_that_planners_read(arm, tmp_path):
+    """The hole is the pipe's centre line; its staves and the post are kept clear of."""
+    (tmp_path / "s.yaml").write_text(SCENE)
+    scene = {"obstacles": tmp_path / "s.yaml"}
+    assert {s.kind for s in obstacles_of(tmp_path / "s.yaml")} == {"box", "cylinder"}
+    found = tunnel.analyze(arm, arm.configuration(), opening="pipe", room=0.02, **scene)
+    assert np.allclose(found.hole.points[:, 1:], 0.08) and found.hole.points[0, 0] < 1.4
+    assert 0.0 < found.nearest.distance < 0.06 and found.nearest.pair[1].startswith("pipe")
+    assert found.entry.depth[-1] > 0.25
+    with pytest.raises(AnalysisError, match="no opening 'post'"):
+        tunnel.analyze(arm, arm.configuration(), opening="post", **scene)
+    with pytest.raises(AnalysisError, match="--obstacles"):
+        tunnel.analyze(arm, arm.configuration(), opening="pipe")

@@ -27,7 +27,7 @@ SOLIDS = (
 )
 STEEP_POSE = np.array(
     [0.26, -0.22, 1.23, 0.69, 0.65, 0.12, 0.01, -0.11, -0.8, -0.02, -0.16, 0.66]
-)  # with a root link 64° from the horizontal at a heading of -45°
+)  # a root link 54° below the horizontal, headed -45°
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.inverse_kinematics.collisions import Collisions, Nearest, Obstacle, obstacles_of
+from snakegen.inverse_kinematics.collisions import Collisions, Nearest, obstacles_of
 from snakegen.inverse_kinematics.path_following import (
     Chain,
     Options,
@@ -28,6 +28,7 @@ from snakegen.inverse_kinematics.path_following import (
 from snakegen.inverse_kinematics.reach_reason import describe_track, length_text, stretched
 from snakegen.inverse_kinematics.tip_paths import checked_path, circle, port, port_of, through
 from snakegen.robot.robot import Robot
+from snakegen.scene.solids import Solid
 from snakegen.statics.joint_torques import finite
 from snakegen.statics.tip import find_tip
 
@@ -158,7 +159,7 @@ def analyze(
     give_up: float = 1e-3,
     margin: float = 0.0,
     port: Port | str | None = None,
-    obstacles: str | Path | Sequence[Obstacle] = (),
+    obstacles: str | Path | Sequence[Solid] = (),
     tries: int = 8,
 ) -> ReachResult:
     """Returns what the tip can reach, and what becomes of a path that it is to follow.
@@ -183,7 +184,7 @@ def analyze(
         give_up: m, tip error at which the path counts as lost
         margin: rad, kept from the joints' limits
         port: x,y,z,ax,ay,az,radius: an opening that the body must pass
-        obstacles: YAML of boxes that the body must not touch: obstacles: [{centre, half}]
+        obstacles: scene file (YAML) of what the body must not touch, in metres from the base
         tries: resting postures tried until one keeps clear of body, floor and obstacles
         tip: link that carries the tip; the last one if absent
         tip_point: x,y,z of the tip on that link, m
@@ -211,9 +212,9 @@ def analyze(
     u, s, _ = np.linalg.svd(J)
     rank = int(np.sum(s > 1e-6 * max(s[0], 1e-300)))
     names = tuple(robot.joint_names[j] for j in chain.joints)
-    boxes = obstacles_of(obstacles) if isinstance(obstacles, str | Path) else tuple(obstacles or ())
+    solids = obstacles_of(obstacles)
     full, missed, track, nearest, tried = _clear_of_contact(
-        chain, full, given, loop, Collisions(robot, boxes), max(int(tries), 1)
+        chain, full, given, loop, Collisions(robot, solids), max(int(tries), 1)
     )
     return ReachResult(
         names,

@@ -13,13 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from snakegen.base.geometry import Floats
-from snakegen.errors import AnalysisError
-from snakegen.inverse_kinematics.collisions import Collisions, Nearest, Obstacle, obstacles_of
+from snakegen.errors import AnalysisError, near
+from snakegen.inverse_kinematics.collisions import Collisions, Nearest, obstacles_of
 from snakegen.inverse_kinematics.hole import Hole, checked_hole
 from snakegen.inverse_kinematics.path_following import Options, chain_of, reach_point
 from snakegen.inverse_kinematics.tip_paths import checked_path
 from snakegen.inverse_kinematics.tunnel import Entry, enter
 from snakegen.robot.robot import Robot
+from snakegen.scene.schema import read_scene
+from snakegen.scene.solids import Solid
 from snakegen.statics.joint_torques import finite
 from snakegen.statics.tip import find_tip
 
@@ -122,7 +124,8 @@ def analyze(
     margin: float = 0.0,
     tip: str | None = None,
     tip_point: ArrayLike | None = None,
-    obstacles: str | Path | Sequence[Obstacle] = (),
+    obstacles: str | Path | Sequence[Solid] = (),
+    opening: str | None = None,
 ) -> TunnelResult:
     """Returns how deep the whole body follows its tip into a hole.
 
@@ -141,7 +144,9 @@ def analyze(
         step: m, between depths
         give_up: m, tip error at which the line counts as lost
         margin: rad, kept from the joints' limits
-        obstacles: YAML of boxes that the body must not touch: obstacles: [{centre, half}]
+        obstacles: scene file (YAML) of what the body must not touch, in metres from the base
+        opening: obstacle of that scene whose opening or bore is the hole, in place of path and
+            mouth
         tip: link that carries the tip; the last one if absent
         tip_point: x,y,z of the tip on that link, m
 
@@ -160,7 +165,8 @@ def analyze(
     if not 0 <= margin < 0.5 * float(np.min(chain.upper - chain.lower)):
         raise AnalysisError(f"margin = {margin:g} rad leaves the joints no range.")
     chain = replace(chain, lower=chain.lower + margin, upper=chain.upper - margin)
-    hole = checked_hole(_centreline(path, mouth, inwards, depth), room)
+    given = path if opening is None else _bore(obstacles, opening)
+    hole = checked_hole(_centreline(given, mouth, inwards, depth), room)
     full = robot.angles(q)
     if feed == 0:
         full, missed, held = reach_point(chain, full, hole.points[0], Options())
@@ -171,10 +177,26 @@ def analyze(
             raise AnalysisError(f"the tip misses the hole's mouth by {_mm(missed)}{why}.")
     entry = enter(chain, full, hole, feed=feed, step=step, give_up=give_up)
     names = tuple(robot.joint_names[j] for j in chain.joints)
-    boxes = obstacles_of(obstacles) if isinstance(obstacles, str | Path) else tuple(obstacles or ())
+    solids = obstacles_of(obstacles)
     shift = entry.feed[:, None] * hole.inwards
-    nearest = Collisions(robot, boxes).nearest(entry.angles, names, shift=shift)
+    nearest = Collisions(robot, solids).nearest(entry.angles, names, shift=shift)
     return TunnelResult(names, hole, entry, feed > 0, nearest)
+
+
+def _bore(obstacles: str | Path | Sequence[Solid], name: str) -> Floats:
+    """Returns the way (m, 3) through an opening of a scene file, from the base's side.
+
+    Raises:
+        AnalysisError: no scene file, or no such opening in it.
+    """
+    if not isinstance(obstacles, str | Path):
+        raise AnalysisError("an opening is named by its obstacle in a scene file: --obstacles.")
+    ways = {w.name: w.line for w in read_scene(Path(obstacles), ground=False).openings}
+    if name not in ways:
+        known = near(name, ways) or f" It has {', '.join(ways) or 'none'}."
+        raise AnalysisError(f"{Path(obstacles).name}: no opening '{name}'.{known}")
+    line = ways[name]
+    return line if np.linalg.norm(line[0]) <= np.linalg.norm(line[-1]) else line[::-1]
 
 
 def _centreline(
@@ -184,7 +206,9 @@ def _centreline(
     if path is not None:
         return checked_path(path)
     if mouth is None:
-        raise AnalysisError("tunnel needs a hole: --path FILE, or --mouth x,y,z.")
+        raise AnalysisError(
+            "tunnel needs a hole: --path FILE, --mouth x,y,z, or --obstacles FILE --opening NAME."
+        )
     along = finite(inwards, (3,), "inwards")
     if not np.linalg.norm(along) > 0:
         raise AnalysisError("inwards: a direction of length 0.")

@@ -11,34 +11,16 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-import coal
 import numpy as np
 import pinocchio as pin
 
-from snakegen.base import yaml_file
-from snakegen.base.geometry import Floats, rotation_from_rpy
-from snakegen.errors import AnalysisError, near
+from snakegen.base.geometry import Floats
 from snakegen.robot.posture import set_angle
 from snakegen.robot.robot import Robot
+from snakegen.scene.schema import read_scene
+from snakegen.scene.solids import Solid
 
 _WIDE = 50.0  # m, half, of the floor
-
-
-@dataclass(frozen=True)
-class Obstacle:
-    """A solid box in the world.
-
-    Attributes:
-        name: of it.
-        centre: (3,) m from the base origin, world axes.
-        half: (3,) m, half lengths.
-        rpy: (3,) rad, its attitude.
-    """
-
-    name: str
-    centre: tuple[float, float, float]
-    half: tuple[float, float, float]
-    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -88,7 +70,7 @@ class Nearest:
 class Collisions:
     """Collision geometry of a robot, the floor below its base, and obstacles."""
 
-    def __init__(self, robot: Robot, obstacles: tuple[Obstacle, ...] = ()) -> None:
+    def __init__(self, robot: Robot, obstacles: tuple[Solid, ...] = ()) -> None:
         """Reads the collision shapes of the URDF; says so where its meshes cannot be read."""
         self.robot, self.data = robot, robot.model.createData()
         folders = [] if robot.path is None else [str(Path(robot.path).parent)]
@@ -107,11 +89,11 @@ class Collisions:
         solid, self.fixed = list(obstacles), dict[int, Any]()
         if robot.modules.mount is not None:
             below = -robot.modules.mount.height - 1.0
-            solid.append(Obstacle("floor", (0.0, 0.0, below), (_WIDE, _WIDE, 1.0)))
+            middle = np.array([0.0, 0.0, below])
+            solid.append(Solid("floor", "box", middle, size=(_WIDE, _WIDE, 1.0)))
         for one in solid:
-            placement = pin.SE3(rotation_from_rpy(np.array(one.rpy)), np.array(one.centre))
-            shape = coal.Box(*(2.0 * np.array(one.half)))
-            made = pin.GeometryObject(one.name, 0, placement, shape)
+            placement = pin.SE3(one.rotation, np.asarray(one.centre, float))
+            made = pin.GeometryObject(one.name, 0, placement, one.shape())
             self.fixed[int(self.geometry.addGeometryObject(made))] = placement
         self.links += [one.name for one in solid]
         self._add_pairs(count)
@@ -206,44 +188,12 @@ def _neighbours(urdf: str, solid: set[str]) -> tuple[dict[str, str], set[frozens
     return group, joined
 
 
-def obstacles_of(given: str | Path | Sequence[Obstacle] | None) -> tuple[Obstacle, ...]:
-    """Returns boxes, or those of a scene file: ``obstacles: [{name, centre, half, rpy}]``, m, rad.
+def obstacles_of(given: str | Path | Sequence[Solid] | None) -> tuple[Solid, ...]:
+    """Returns solids, or those of a scene file; the ground is below the base, not in the scene.
 
     Raises:
-        AnalysisError: a file that is no such scene, with the place.
+        SceneError: a file that is no scene, with the place.
     """
     if not isinstance(given, str | Path):
         return tuple(given or ())
-    path = given
-    data = yaml_file.read(Path(path))
-    name = Path(path).name
-    listed = data.get("obstacles") if isinstance(data, dict) else None
-    if not isinstance(listed, list):
-        raise AnalysisError(
-            f"{name}: 'obstacles', a list of boxes with centre and half, is needed."
-        )
-    out = []
-    for k, item in enumerate(listed):
-        if not isinstance(item, dict):
-            raise AnalysisError(f"{name}: obstacle {k + 1} is no mapping of centre and half.")
-        known = ("name", "centre", "half", "rpy")
-        for key in item:
-            if key not in known:
-                raise AnalysisError(f"{name}: obstacle {k + 1} has no '{key}'.{near(key, known)}")
-        vectors: dict[str, tuple[float, float, float]] = {}
-        for key in ("centre", "half", "rpy"):
-            value = item.get(key, (0.0, 0.0, 0.0) if key == "rpy" else None)
-            try:
-                numbers = np.array(value, float)
-            except (TypeError, ValueError):
-                numbers = np.empty(0)
-            good = numbers.shape == (3,) and bool(np.all(np.isfinite(numbers)))
-            if not good or (key == "half" and not np.all(numbers > 0)):
-                raise AnalysisError(
-                    f"{name}: obstacle {k + 1}: {key} needs three numbers"
-                    + (" above 0." if key == "half" else ".")
-                )
-            vectors[key] = (float(numbers[0]), float(numbers[1]), float(numbers[2]))
-        label = str(item.get("name", f"obstacle{k + 1}"))
-        out.append(Obstacle(label, vectors["centre"], vectors["half"], vectors["rpy"]))
-    return tuple(out)
+    return read_scene(Path(given), ground=False).solids

@@ -117,3 +117,31 @@ def rounded(line: Floats, radius: float) -> Floats:
         out.append(b - cut * u + arc_between(u, v, cut / float(np.tan(half))))
     out.append(line[-1:])
     return dense(np.concatenate(out))
+
+
+def waved(line: Floats, amplitude: float, length: float) -> Floats:
+    """Returns a line that swings to both sides, ``a sin(2π s / length)`` about its middle.
+
+    A straight body has next to no torque about itself; one in waves has the arms. Swings are level,
+    so that links stay so, and fade out toward both ends, which are drawn out by half a wave.
+
+    Args:
+        line: (m, 3) m.
+        amplitude: m, a.
+        length: m, of a wave.
+    """
+    first, last = line[1] - line[0], line[-1] - line[-2]
+    reach = 0.5 * length
+    begin = line[0] - reach * first / np.linalg.norm(first)
+    end = line[-1] + reach * last / np.linalg.norm(last)
+    points = dense(np.vstack([begin, line, end]))
+    tangent = np.gradient(points, axis=0)
+    side = np.cross([0.0, 0.0, 1.0], tangent)
+    level = np.linalg.norm(side, axis=1) / np.maximum(np.linalg.norm(tangent, axis=1), 1e-12)
+    side /= np.maximum(np.linalg.norm(side, axis=1), 1e-12)[:, None]
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    arcs = np.concatenate([[0.0], np.cumsum(steps)])
+    inward = np.clip(np.minimum(arcs, arcs[-1] - arcs) / reach, 0.0, 1.0)
+    fade = inward**2 * (3.0 - 2.0 * inward) * np.clip(2.0 * level - 1.0, 0.0, 1.0)
+    swing = amplitude * fade * np.sin(2.0 * np.pi * (arcs - 0.5 * arcs[-1]) / length)
+    return np.asarray(points + swing[:, None] * side)

@@ -114,19 +114,30 @@ def search(
     chosen = [one for worth, one, _ in looked if worth > -10.0][:4]
     if not chosen:
         raise PlanError(no_way(scene, looked))
-    motion = None
+    best: Motion | None = None
     for one in chosen:
         said("certifying")
-        fine = judge(one, FINE, scene.demands)
-        there = one.chain.body
-        path = in_time(there, smoothed(fine.poses), scene.demands)
-        proved = certify(there, path, enough=enough(scene.demands))
-        covered = expected(there, path)
-        motion = Motion(path, proved, covered, there, len(looked), clock() - begun)
-        if not motion.unmet(scene.demands) or clock() - begun > 60.0 * minutes:
+        try:
+            made = certified(one, scene.demands)
+        except KeyboardInterrupt:
+            if best is None:
+                raise
+            said("interrupted: the best so far is taken")
             break
-    assert motion is not None
-    return motion
+        found = Motion(*made, one.chain.body, len(looked), clock() - begun)
+        if best is None or len(found.unmet(scene.demands)) < len(best.unmet(scene.demands)):
+            best = found
+        if not best.unmet(scene.demands) or clock() - begun > 60.0 * minutes:
+            break
+    assert best is not None
+    return best
+
+
+def certified(seed: Seed, demands: Demands) -> tuple[Trajectory, Certificate, Cover]:
+    """Returns a seed's motion over time, what is proved of it, and what hardware leaves of it."""
+    body = seed.chain.body
+    path = in_time(body, smoothed(judge(seed, FINE, demands).poses), demands)
+    return path, certify(body, path, enough=enough(demands)), expected(body, path)
 
 
 def in_time(body: PlannedBody, poses: Floats, demands: Demands) -> Trajectory:
@@ -187,8 +198,9 @@ def look(
         worths[k] = worth - 0.1 * taken[k]
         out.append((worth, one, found))
         said(
-            f"seed {len(out)}: leader {'tip' if one.family[0] else 'root'}, radius "
-            f"{one.family[1]:g} m, lean {one.family[2]:g} rad: clearance "
+            f"seed {len(out)}: leader {'tip' if one.family.tip else 'root'}, radius "
+            f"{one.family.radius:g} m, lean {one.family.lean:g} rad, waves of "
+            f"{one.family.wave:g} m: clearance "
             f"{1e3 * found.clearance:.0f} mm, torque {found.torque:.2g} N m, worth {worth:.2f}"
         )
     return sorted(out, key=lambda row: -row[0])

@@ -1,6 +1,6 @@
 """Seeds: curves from a start through the openings to a goal, which the body follows."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -8,13 +8,34 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.planning.body import PlannedBody
-from snakegen.planning.curves import Curve, arc_between, bridge, dense, rounded
+from snakegen.planning.curves import Curve, arc_between, bridge, dense, rounded, waved
 from snakegen.planning.ends import End, ends_of, line_of, moved
 from snakegen.planning.follow import Chain
 from snakegen.scene.schema import Scene
 
 RADII = (0.4, 0.5, 0.32, 0.65)  # m, of the turns into and out of an opening
 LEANS = (0.6, 0.4, 0.0)  # rad, of the way through an opening overhead from the vertical
+WAVES = (0.12, 0.2, 0.3)  # m, by which a level way swings to both sides
+WAVELENGTH = 5.0  # links
+
+
+@dataclass(frozen=True)
+class Family:
+    """What seeds have in common that fare alike.
+
+    Attributes:
+        tip: whether the chain's tip leads.
+        radius: m, of the turns into and out of openings.
+        lean: rad, of the way through an opening overhead.
+        wave: m, of a level way.
+        turn: 45°, from the way in to the way out.
+    """
+
+    tip: bool
+    radius: float
+    lean: float
+    wave: float
+    turn: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +48,7 @@ class Seed:
         first: m, arc of the leader at the start.
         start, goal: the ends.
         cost: rank among seeds before any is looked at: sharp turns and long ways count.
-        family: seeds of one fare alike: who leads, radius, lean, and the turn [45°] from the way
-            in to the way out.
+        family: seeds of one fare alike.
     """
 
     chain: Chain
@@ -37,7 +57,7 @@ class Seed:
     start: End
     goal: End
     cost: float
-    family: tuple[bool, float, float, int]
+    family: Family
 
     @cached_property
     def curve(self) -> Curve:
@@ -55,14 +75,19 @@ def seeds(body: PlannedBody, scene: Scene, way: Floats, lines: list[Floats]) -> 
         lines: through the openings on the way, in order.
     """
     assert scene.start is not None and scene.goal is not None
-    found: dict[tuple[bool, float, float, int], list[Seed]] = {}
+    found: dict[Family, list[Seed]] = {}
     starts, goals = list(ends_of(body, scene.start)), list(ends_of(body, scene.goal))
-    for tip, start, lean in product((True, False), starts, LEANS):
+    overhead = any(_overhead(line) for line in lines)
+    for tip, start, (lean, wave) in product(
+        (True, False), starts, [(x, 0.0) for x in LEANS] + [(0.0, x) for x in WAVES]
+    ):
+        if (lean > 0.0 and not overhead) or (wave > 0.0 and overhead):
+            continue
         chain = Chain(body.turned(heading_of(start)), tip)
         _, _, head = line_of(chain, start)
         through = _through(way, [_leaning(line, head, lean) for line in lines])
-        if lean != LEANS[-1] and not any(_overhead(line) for line in lines):
-            continue
+        if wave > 0.0:
+            through = waved(through, wave, WAVELENGTH * float(chain.chords.mean()))
         along = _directions(through)
         for radius in RADII:
             begin = _begin(chain, start, through[0], along[0], radius)
@@ -71,7 +96,7 @@ def seeds(body: PlannedBody, scene: Scene, way: Floats, lines: list[Floats]) -> 
             for goal in goals:
                 finish = _finish(chain, goal, through[-1], along[1], radius)
                 if finish is not None:
-                    family = (tip, radius, lean)
+                    family = Family(tip, radius, lean, wave)
                     one = _joined(chain, begin, finish, through, along, family)
                     found.setdefault(one.family, []).append(one)
     families = [sorted(each, key=lambda s: s.cost) for each in found.values()]
@@ -173,7 +198,7 @@ def _joined(
     finish: tuple[End, Floats, Floats],
     through: Floats,
     along: tuple[Floats, Floats],
-    family: tuple[bool, float, float],
+    family: Family,
 ) -> Seed:
     start, first, into = begin
     goal, last, out = finish
@@ -189,11 +214,13 @@ def _joined(
     turns = [float(np.arccos(np.clip(a @ b, -1.0, 1.0)))
              for a, b in ((head, along[0]), (along[1], tail), (head, tail))]  # fmt: skip
     cost = turns[0] + turns[1] + 0.4 * abs(turns[2] - 0.5 * np.pi) + 0.2 * float(steps.sum())
-    cost += 0.15 * RADII.index(family[1]) + (0.0 if chain.tip_leads else 0.05)
+    cost += (
+        0.15 * RADII.index(family.radius) + 2.0 * family.wave + (0.0 if chain.tip_leads else 0.05)
+    )
     # where the body ends as it was trimmed, unequal thrusts leave no error
     at = chain.body.at
     cost += 0.0 if np.allclose(start.q[at], goal.q[at]) else 0.6
     cost += 0.1 * abs(np.angle(np.exp(1j * (heading_of(goal) - heading_of(start)))))
     return Seed(
-        chain, points, begun, start, goal, cost, (*family, round(turns[2] / (0.25 * np.pi)))
+        chain, points, begun, start, goal, cost, replace(family, turn=round(4.0 * turns[2] / np.pi))
     )

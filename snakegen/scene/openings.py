@@ -25,6 +25,7 @@ class Opening:
         size: (2,) m, across.
         line: (m, 3) m, world, a way through it from one side to the other.
         widened: returns the obstacle's parts and openings with this one wider by so much [m].
+        bore: points [m, world] of a pipe's centre line; empty for an opening in a plate.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Opening:
     size: tuple[float, float]
     line: Floats
     widened: "Callable[[float], tuple[list[Solid], list[Opening]]]"
+    bore: tuple[tuple[float, ...], ...] = ()
 
 
 def plate(
@@ -163,7 +165,8 @@ def pipe(
         return pipe(name, points, radius + 0.5 * more, wall, staves)
 
     wide_open = (2.0 * radius, 2.0 * radius)
-    return parts, [Opening(name, middle, axes[-1], wide_open, line, widened)]
+    bore = tuple(tuple(float(x) for x in p) for p in points)
+    return parts, [Opening(name, middle, axes[-1], wide_open, line, widened, bore)]
 
 
 def _mitre(axis: Floats, other: Floats, out: Floats, radius: float) -> float:

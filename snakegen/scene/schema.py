@@ -92,8 +92,12 @@ class Scene:
     demands: Demands = field(default_factory=Demands)
 
 
-def read_scene(path: Path) -> Scene:
+def read_scene(path: Path, *, ground: bool = True) -> Scene:
     """Reads a scene file.
+
+    Args:
+        path: YAML.
+        ground: add one at z = 0 where the scene has no half-space.
 
     Raises:
         SceneError: the place of the mistake and what would have worked.
@@ -113,7 +117,9 @@ def read_scene(path: Path) -> Scene:
         solids += made
         ways += through
     _check_units(solids, where)
-    if not any(s.kind == "half_space" for s in solids):  # simulations have ground at z = 0
+    if ground and not any(
+        s.kind == "half_space" for s in solids
+    ):  # simulations have ground at z = 0
         solids.append(Solid("ground", "half_space", np.zeros(3)))
     ends = {k: _place(data[k], f"{where}: {k}", ways) for k in ("start", "goal") if k in data}
     return Scene(

@@ -33,6 +33,8 @@ class Options(ArmOptions):
         depth: m, of that hole
         room: m, that the body's line may be off the centreline
         duration: s, of the way in
+        obstacles: scene file (YAML) of what the body must not touch, m from the base
+        opening: obstacle of that scene whose opening or bore is the hole
     """
 
     path: str | None = None
@@ -41,6 +43,8 @@ class Options(ArmOptions):
     depth: float = 0.3
     room: float = 0.01
     duration: float = 20.0
+    obstacles: str | None = None
+    opening: str | None = None
 
 
 MARGIN = 0.005  # rad, kept from the limits: a spline swings a little beyond the samples
@@ -70,6 +74,8 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
         depth=options.depth,
         room=options.room,
         margin=MARGIN,
+        obstacles=options.obstacles or (),
+        opening=options.opening,
     )
     if not solved.complete:
         raise MissionError(f"{robot.name}: {solved.why}.")

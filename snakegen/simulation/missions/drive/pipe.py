@@ -6,11 +6,13 @@ that touches anywhere rolls along as the ground does.
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
+from snakegen.scene.schema import read_scene
 from snakegen.simulation.drive.plan import (
     DriveOptions,
     DrivePlan,
@@ -35,6 +37,8 @@ class Options(DriveOptions):
         entry: m ahead of the head, where the pipe begins
         length: m, of the pipe
         fit: casters too wide for the pipe get the widest track that fits; false: refuse
+        scene: scene file (YAML) whose first pipe gives entry, length and radius; it lies on the
+            ground along x, the head starts at x = 0
     """
 
     room: float = 0.001
@@ -42,6 +46,7 @@ class Options(DriveOptions):
     entry: float = 0.25
     length: float = 1.2
     fit: bool = True
+    scene: str | None = None
 
 
 BOUNDS = {
@@ -89,9 +94,39 @@ def fitted(robot: Robot, radius: float, room: float, staves: int, fit: bool) -> 
     return replace(robot, modules=replace(robot.modules, casters=tuple(casters)))
 
 
+def of_scene(options: Options, path: Path, drum: float) -> Options:
+    """Returns options with entry, length and room of a scene's first pipe.
+
+    Args:
+        options: whose others are kept.
+        path: of the scene.
+        drum: m, radius of the drums.
+
+    Raises:
+        MissionError: no pipe in the scene, or one that does not lie along x on the ground ahead.
+    """
+    pipes = [w for w in read_scene(path).openings if w.bore]
+    if not pipes:
+        raise MissionError(
+            f"{path.name}: no obstacle of kind pipe; the mission drives through one."
+        )
+    way, radius = pipes[0], 0.5 * pipes[0].size[0]
+    ends = way.bore[:1] + way.bore[-1:]
+    straight = all(abs(y) < 1e-6 and abs(z - radius) < 1e-6 for _, y, z in way.bore)
+    if not straight or not 0.0 <= ends[0][0] < ends[1][0]:
+        raise MissionError(
+            f"{path.name}: {way.name}: a drive needs a pipe on the ground along x, ahead of its "
+            f"head: points [[x0, 0, {radius:g}], [x1, 0, {radius:g}]] with 0 ≤ x0 < x1."
+        )
+    entry, length = ends[0][0], ends[1][0] - ends[0][0]
+    return replace(options, entry=entry, length=length, room=radius - drum)
+
+
 def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Drives open ground first, then the pipe, and returns the judged recording of the latter."""
     drum = robot.modules.screws[0].radius
+    if options.scene is not None:
+        options = of_scene(options, Path(options.scene), drum)
     radius, staves = drum + options.room, options.staves
     if not (radius > 0.9 * drum and options.length > 0):
         raise MissionError("pipe needs a length above 0 and at least 0.9 of the drums' radius.")
