@@ -64,7 +64,7 @@ def red(image: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("links", [16, 60])
 def test_a_long_chain_is_shown_coiled_and_clear_of_itself(links: int) -> None:
     robot = load(load_spec("dragon4", links=links))
-    shown = figure(robot, posture_shown(robot))["link_segments"]
+    shown = figure(robot, posture_shown(robot)).link_segments
     middles = shown.mean(axis=1)
     length = np.linalg.norm(shown[0, 1] - shown[0, 0])
     apart = np.linalg.norm(middles[:, None] - middles, axis=-1)

@@ -1,6 +1,7 @@
 """Pictures by matplotlib: same bytes, true projection, bars as high as their numbers."""
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -9,6 +10,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from snakegen.errors import SnakegenError
+from snakegen.picture.figure_arrays import RobotFigure
 from snakegen.picture.style import BLUE, GREEN, ORANGE, RED
 from snakegen.report import charts
 from snakegen.report.plots import shrink
@@ -39,8 +41,8 @@ def everything(folder: Path) -> list[Path]:
     joints, rotors = ["joint1_pitch", "joint1_yaw"], ["rotor1_1", "rotor1_2"]
     grid = charts.sphere_grid(13, 25)
     return [
-        charts.draw_robot(folder / "robot.png", SEGMENTS, ROTORS, AXES, thrusts=[3, 4],
-                        cog=[0.3, 0, 0], labels=["link1", "link2"], title="robot"),
+        charts.draw_robot(folder / "robot.png", RobotFigure(SEGMENTS, ROTORS, AXES, thrusts=[3, 4],
+                        cog=[0.3, 0, 0], link_names=["link1", "link2"]), title="robot"),
         charts.hover_thrust_chart(folder / "hover.png", [3.0, 4.0], 0, 5, rotors),
         charts.joint_torque_chart(folder / "torque.png", [3.0, -4.0], 5, joints),
         charts.singular_value_chart(folder / "sigma.png", {"Q": [1.0, 0.1], "J": [2.0, 0.0]}),
@@ -66,9 +68,11 @@ def test_pictures_touch_no_global_state(tmp_path: Path) -> None:
     assert dict(matplotlib.rcParams) == before
 
 
-def drawn(segments: np.ndarray, **options: object) -> Figure:
+def drawn(segments: np.ndarray, **options: Any) -> Figure:
     figure = Figure()
-    assert charts.draw_robot(figure.add_subplot(), segments, **options) is None
+    seen = {name: options.pop(name) for name in ("view", "thrust_scale") if name in options}
+    robot = RobotFigure(segments, **options)
+    assert charts.draw_robot(figure.add_subplot(), robot, **seen) is None
     return figure
 
 
@@ -85,7 +89,9 @@ def test_projection_keeps_one_scale(view: tuple[float, float]) -> None:
 
 
 def test_rotors_are_discs_of_their_radius() -> None:
-    (axes,) = drawn(SEGMENTS, rotor_positions=ROTORS, rotor_axes=AXES, rotor_radius=0.07).axes
+    (axes,) = drawn(
+        SEGMENTS, rotor_positions=ROTORS, rotor_axes=AXES, rotor_radius=[0.07, 0.07]
+    ).axes
     rims = [p.get_xy() for p in axes.patches if p.get_linewidth() == 1.6]
     assert len(rims) == len(ROTORS)
     for rim in rims:
@@ -123,7 +129,7 @@ def test_thrust_arrows_have_their_length() -> None:
 @pytest.mark.parametrize("links,length", [(8, 1.0), (8, 0.002), (60, 1.0)])
 def test_the_whole_robot_is_in_the_picture(tmp_path: Path, links: int, length: float) -> None:
     long = length * np.array([[[i, 0, 0], [i + 1, 0, 0]] for i in range(links)], dtype=float)
-    path = charts.draw_robot(tmp_path / "long.png", long)
+    path = charts.draw_robot(tmp_path / "long.png", RobotFigure(long))
     image = np.asarray(Image.open(path).convert("RGB")).max(axis=-1)
     tubes = np.argwhere(image < 0x70)
     height, width = image.shape
@@ -138,12 +144,12 @@ def test_the_whole_robot_is_in_the_picture(tmp_path: Path, links: int, length: f
         ({"link_segments": SEGMENTS * np.nan}, "finite"),
         ({"rotor_positions": ROTORS, "rotor_axes": AXES[:1]}, r"rotor_axes must be .* \(2, 3\)"),
         ({"rotor_positions": ROTORS, "rotor_axes": AXES, "thrusts": [1.0]}, "thrusts"),
-        ({"labels": ["one"]}, "1 labels for 2 links"),
+        ({"link_names": ["one"]}, "link_names has 1 entries, not 2"),
     ],
 )
 def test_robot_refusals(tmp_path: Path, options: dict, reason: str) -> None:
     with pytest.raises(SnakegenError, match=reason):
-        charts.draw_robot(tmp_path / "x.png", **{"link_segments": SEGMENTS, **options})
+        charts.draw_robot(tmp_path / "x.png", RobotFigure(**{"link_segments": SEGMENTS, **options}))
     assert not (tmp_path / "x.png").exists()
 
 

@@ -49,6 +49,8 @@ def render(
     width: int = 1280,
     height: int = 800,
     qpos: Sequence[float] | None = None,
+    labels: Sequence[tuple[str, Sequence[float]]] = (),
+    caption: str = "",
     timeout: float = 60.0,
 ) -> Picture:
     """Renders an MJCF to a PNG without a display.
@@ -60,6 +62,8 @@ def render(
         width: of the picture [pixels].
         height: of the picture [pixels].
         qpos: (nq,) posture in MuJoCo's order.
+        labels: words and their places (3,) in the world [m]; drawn over the picture.
+        caption: one line in the lower left corner.
         timeout: for one backend [s].
 
     Returns:
@@ -72,6 +76,8 @@ def render(
         "camera": camera,
         "size": [width, height],
         "qpos": None if qpos is None else [float(value) for value in qpos],
+        "labels": [(text, [float(value) for value in place]) for text, place in labels],
+        "caption": caption,
     }
     reasons = []
     for backend in _backends():
@@ -143,6 +149,7 @@ def _draw(ask: dict[str, Any]) -> str:
         with mujoco.Renderer(model, height, width) as renderer:
             renderer.update_scene(data, camera)
             pixels = renderer.render()
+            eye = renderer.scene.camera[0]
             renderer.enable_segmentation_rendering()
             renderer.update_scene(data, camera)
             ids = renderer.render()
@@ -151,7 +158,32 @@ def _draw(ask: dict[str, Any]) -> str:
         return f"GL: {_line(error)}"
     if is_blank(pixels, robot_share(model, ids)):
         return "GL: the picture came out blank"
-    return _save(pixels, ask["png"])
+    return _save(_labelled(pixels, eye, ask["labels"], ask["caption"]), ask["png"])
+
+
+def _labelled(
+    pixels: Any, eye: Any, labels: Sequence[tuple[str, Sequence[float]]], caption: str
+) -> Any:
+    """Returns the picture with a caption, and words where the scene's eye sees their places."""
+    import numpy as np
+    from matplotlib import font_manager
+    from PIL import Image, ImageDraw, ImageFont
+
+    height, width = pixels.shape[:2]
+    forward, up = np.array(eye.forward, float), np.array(eye.up, float)
+    axes = np.array([np.cross(forward, up), up])
+    per_metre = 0.5 * height * eye.frustum_near / eye.frustum_top  # pixels, at 1 m from the eye
+    image = Image.fromarray(pixels)
+    pen = ImageDraw.Draw(image)
+    font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), max(height // 40, 9))
+    edge: dict[str, Any] = {"stroke_width": 3, "stroke_fill": "white"}
+    pen.text((height // 40, height - height // 40), caption, "#59626d", font, anchor="ls", **edge)
+    for text, place in labels:
+        ray = np.asarray(place) - np.array(eye.pos, float)
+        right, above = per_metre * (axes @ ray) / (forward @ ray)
+        at = (0.5 * width + right, 0.5 * height - above)
+        pen.text(at, text, "#22272e", font, anchor="mm", **edge)
+    return np.asarray(image)
 
 
 def robot_share(model: "mujoco.MjModel", ids: Any) -> float:
@@ -188,7 +220,7 @@ def _fitted_camera(model: "mujoco.MjModel", data: "mujoco.MjData", aspect: float
     import numpy as np
 
     is_plane = model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)
-    solid = (model.geom_bodyid != 0) & ~is_plane & (model.geom_group < 3)
+    solid = ~is_plane & (model.geom_group < 3)
     centres, radii = data.geom_xpos[solid], model.geom_rbound[solid]
     if len(centres) == 0:
         centres, radii = data.xpos, np.full(model.nbody, 0.1)

@@ -1,16 +1,13 @@
 """The robot drawn by matplotlib alone, as sticks and discs: the picture where there is no GL."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from snakegen.errors import SnakegenError
+from snakegen.picture.figure_arrays import Array, RobotFigure
+from snakegen.picture.figure_marks import draw_marks
 from snakegen.picture.style import BLUE, GREY, INK, ORANGE, RED, save
-
-Array = NDArray[np.float64]
 
 ISOMETRIC = (26.0, -62.0)
 """Elevation and azimuth of the eye [degrees]: a little above, from the front right."""
@@ -21,18 +18,13 @@ _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 37)
 
 def draw_robot(
     target: Any,
-    link_segments: Array,
-    rotor_positions: Array | None = None,
-    rotor_axes: Array | None = None,
-    rotor_radius: Array | float = 0.05,
+    robot: RobotFigure,
     *,
-    thrusts: Array | None = None,
     thrust_scale: float | None = None,
-    cog: Array | None = None,
-    labels: Sequence[str] | None = None,
     title: str = "",
     view: tuple[float, float] = ISOMETRIC,
     floor: float | None = None,
+    marks: bool = True,
 ) -> Path | None:
     """Draws links as rods, joints as balls and rotors as discs.
 
@@ -40,49 +32,21 @@ def draw_robot(
 
     Args:
         target: the path of a PNG, or matplotlib axes (plain, 2-D) to draw into.
-        link_segments: (n, 2, 3) [m], both ends of each link in the world.
-        rotor_positions: (r, 3) [m]; None for a robot without rotors.
-        rotor_axes: (r, 3) directions of thrust.
-        rotor_radius: (r,) or one [m].
-        thrusts: (r,) [N]; an arrow along each axis.
+        robot: what is drawn.
         thrust_scale: length of an arrow [m/N]; by default the longest is 0.35 of the size.
-        cog: (3,) [m] centre of gravity.
-        labels: (n,) names of the links.
         title: over the picture.
         view: elevation and azimuth of the eye [degrees].
         floor: height of a floor for the robot's shadow; None puts it a little under the robot.
+        marks: whether links and apparatuses have their numbers, and the marks a legend.
 
     Returns:
         The path, or None when drawn into given axes.
-
-    Raises:
-        SnakegenError: arrays of other shapes, or numbers that are not finite.
     """
-    segments = _checked("link_segments", link_segments, (None, 2, 3))
-    empty = np.zeros((0, 3))
-    rotors = _checked(
-        "rotor_positions", empty if rotor_positions is None else rotor_positions, (None, 3)
-    )
-    count = len(rotors)
-    axes_of = _checked("rotor_axes", empty if rotor_axes is None else rotor_axes, (count, 3))
-    radii = _checked("rotor_radius", np.broadcast_to(rotor_radius, count), (count,))
-    thrust = _checked("thrusts", np.zeros(count) if thrusts is None else thrusts, (count,))
-    if labels is not None and len(labels) != len(segments):
-        raise SnakegenError(f"draw_robot: {len(labels)} labels for {len(segments)} links.")
-    norms = np.linalg.norm(axes_of, axis=1, keepdims=True)
-    axes_of = axes_of / np.where(norms > 0, norms, 1.0)
-    size = float(np.ptp(np.concatenate([segments.reshape(-1, 3), rotors]), axis=0).max()) or 1.0
-    longest = np.abs(thrust).max(initial=0.0)
-    scale = (
-        (0.35 * size / longest if longest > 0 else 0.0) if thrust_scale is None else thrust_scale
-    )
-    arrows = np.stack([rotors, rotors + (scale * thrust)[:, None] * axes_of], axis=1)
-
-    points = np.concatenate(
-        [segments.reshape(-1, 3), arrows.reshape(-1, 3), *_circles(rotors, axes_of, radii)]
-    )
+    segments, size, eye = robot.link_segments, robot.size, _eye(view)
+    arrows = robot.arrows(thrust_scale)
+    circles = _circles(robot.rotor_positions, robot.rotor_axes, robot.rotor_radius)
+    points = np.concatenate([segments.reshape(-1, 3), arrows.reshape(-1, 3), *circles])
     ground = float(points[:, 2].min() - 0.12 * size) if floor is None else floor
-    circles, eye = _circles(rotors, axes_of, radii), _eye(view)
     # lines have widths in points: a chain of many links would be all line
     length = (
         float(np.linalg.norm(np.diff(segments, axis=1), axis=-1).mean()) if len(segments) else 0
@@ -94,25 +58,10 @@ def draw_robot(
         axes.plot(*(eye[:2] @ points.T), ",", alpha=0.0)
         _stage(axes, points, ground, size, eye)
         _shadow(axes, segments, circles, ground, eye, thin)
-        _joints_and_arms(axes, segments, rotors, eye, thin)
-        _rods(axes, segments, labels, eye, thin)
-        _discs(axes, rotors, circles, arrows, eye)
-        if cog is not None:
-            centre = _checked("cog", cog, (3,))
-            foot = np.array([centre[0], centre[1], ground])
-            axes.plot(*(eye[:2] @ np.array([centre, foot]).T), color=RED, lw=1, ls=":", zorder=3)
-            axes.plot(
-                *(eye[:2] @ centre),
-                "o",
-                color=RED,
-                ms=9,
-                mec="white",
-                mew=1.5,
-                zorder=90,
-                label="centre of gravity",
-                ls="",
-            )
-            axes.legend(loc="upper right")
+        _joints_and_arms(axes, segments, robot.rotor_positions, eye, thin)
+        _rods(axes, segments, eye, thin)
+        _discs(axes, robot.rotor_positions, circles, arrows, eye)
+        draw_marks(axes, robot, eye, ground, words=marks)
         if title:
             axes.set_title(title)
 
@@ -120,19 +69,6 @@ def draw_robot(
         draw(target)
         return None
     return save(target, (9.0, 5.6), lambda figure: draw(figure.add_subplot()))
-
-
-def _checked(name: str, values: Any, shape: tuple[int | None, ...]) -> Array:
-    array = np.asarray(values, dtype=float)
-    fits = array.ndim == len(shape) and all(
-        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
-    )
-    if not fits or not np.isfinite(array).all():
-        wanted = ", ".join("n" if want is None else str(want) for want in shape)
-        raise SnakegenError(
-            f"draw_robot: {name} must be finite and of shape ({wanted}), not {array.shape}."
-        )
-    return array
 
 
 def _circles(centres: Array, normals: Array, radii: Array) -> Array:
@@ -201,30 +137,18 @@ def _shadow(
         axes.fill(*(eye[:2] @ rim.T), color=SHADOW, lw=0, zorder=2)
 
 
-def _rods(
-    axes: Any, segments: Array, labels: Sequence[str] | None, eye: Array, thin: float
-) -> None:
-    """Draws each link as a shaded tube with a ball at its root."""
+def _rods(axes: Any, segments: Array, eye: Array, thin: float) -> None:
+    """Draws each link as a shaded tube, with a ball where a joint turns it."""
     order = _order(segments.mean(axis=1), eye)
     for i, (segment, near) in enumerate(zip(segments, order, strict=True)):
         line = eye[:2] @ segment.T
         for width, colour in ((8.0, INK), (5.6, "#57616d"), (1.8, "#9aa4af")):
             axes.plot(*line, color=colour, lw=width * thin, zorder=near, solid_capstyle="round")
+        if i == 0:
+            continue  # the root has a mark of its own
         # the ball belongs to both links that meet in it
-        above = max(near, order[max(i - 1, 0)]) + 0.1
+        above = max(near, order[i - 1]) + 0.1
         axes.plot(*line[:, :1], "o", color=ORANGE, ms=9 * thin, mec=INK, mew=thin, zorder=above)
-        if labels is not None:
-            axes.annotate(
-                labels[i],
-                line.mean(axis=1),
-                (0, -9),
-                textcoords="offset points",
-                ha="center",
-                va="top",
-                fontsize=8.5,
-                zorder=95,
-                path_effects=_halo(),
-            )
 
 
 def _joints_and_arms(axes: Any, segments: Array, rotors: Array, eye: Array, thin: float) -> None:
@@ -251,9 +175,3 @@ def _discs(axes: Any, rotors: Array, circles: Array, arrows: Array, eye: Array) 
         if np.any(arrow[1] != arrow[0]):
             style = {"arrowstyle": "-|>", "color": RED, "lw": 1.8, "shrinkA": 0, "shrinkB": 0}
             axes.annotate("", tip, tail, arrowprops=style, zorder=near + 0.3)
-
-
-def _halo() -> list[Any]:
-    from matplotlib.patheffects import withStroke
-
-    return [withStroke(linewidth=2.5, foreground="white")]

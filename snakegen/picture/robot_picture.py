@@ -1,11 +1,13 @@
 """The picture of a robot: rendered by MuJoCo, or drawn by matplotlib where no GL is to be had."""
 
+import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from snakegen.base.geometry import Floats, wxyz_from_xyzw
+from snakegen.description.mjcf.decorate import FLOOR_SQUARE
+from snakegen.picture.figure_arrays import RobotFigure
 from snakegen.robot.kinematics import centre_of_gravity, forward
 from snakegen.robot.robot import Robot
 
@@ -25,11 +27,21 @@ def robot_picture(robot: Robot, scene: Path, png: Path) -> str:
     from snakegen.picture.robot_figure import draw_robot
 
     q = posture_shown(robot)
-    done = render(scene, png, width=1280, height=800, qpos=_qpos(robot, q, scene).tolist())
+    shown = figure(robot, q)
+    labels = _labels(shown) if len(shown.link_names) <= LONG else []
+    qpos, scale = _qpos(robot, q, scene).tolist(), f"floor squares {FLOOR_SQUARE:g} m"
+    done = render(scene, png, qpos=qpos, labels=labels, caption=scale)
     if done:
         return ""
-    draw_robot(png, **figure(robot, q))
+    draw_robot(png, shown)
     return f"drawn as a figure, not rendered: {done.reason}"
+
+
+def _labels(shown: RobotFigure) -> list[tuple[str, list[float]]]:
+    """Returns the links' names and where they stand: below the middle of each link."""
+    below = np.array([0.0, 0.0, -0.06 * shown.size])
+    middles = shown.link_segments.mean(axis=1) + below
+    return list(zip(shown.link_names, middles.tolist(), strict=False))
 
 
 def posture_shown(robot: Robot) -> Floats:
@@ -82,30 +94,53 @@ def _qpos(robot: Robot, q: Floats, scene: Path) -> Floats:
     return out
 
 
-def figure(robot: Robot, q: Floats) -> dict[str, Any]:
-    """Returns the arrays of `plot_robot.draw_robot` for a posture: segments, rotors, CoG; world."""
+def figure(robot: Robot, q: Floats, thrusts: Floats | None = None) -> RobotFigure:
+    """Returns `robot` in a posture as `draw_robot` takes it.
+
+    Args:
+        robot: what is drawn.
+        q: its configuration.
+        thrusts: (r,) N of the rotors, drawn as arrows.
+    """
     base, origin = robot.base_pose(q)
     rotation, position = forward(robot.tree, base, origin, robot.angles(q))
     _, cog = centre_of_gravity(robot.tree, rotation, position)
-    segments = []
+    segments, names = [], []
     for name, length in robot.modules.lengths.items():
         body, turned, offset = robot.body_of_link(name)
         start = position[body] + rotation[body] @ offset
         tip = start + rotation[body] @ turned @ np.array([length, 0.0, 0.0])
         segments.append((start, tip))
+        names.append(name)
     if not segments:
         parents = robot.tree.parent
         segments = [(position[parents[i]], position[i]) for i in range(1, len(parents))]
+    if len(names) > 12:
+        names = [name.removeprefix("link") for name in names]
     rotors = robot.rotors
     places = [
         position[b] + rotation[b] @ p for b, p in zip(rotors.body, rotors.position, strict=True)
     ]
     axes = [rotation[b] @ a for b, a in zip(rotors.body, rotors.axis, strict=True)]
-    sizes = [0.5 * r.diameter for m in robot.modules.apparatuses for r in m.rotors]
-    return {
-        "link_segments": np.array(segments, float).reshape(-1, 2, 3),
-        "rotor_positions": np.array(places, float).reshape(-1, 3),
-        "rotor_axes": np.array(axes, float).reshape(-1, 3),
-        "rotor_radius": np.array(sizes, float),
-        "cog": np.array(cog),
-    }
+    loads = []
+    for name in payload_links(robot):
+        body, _, offset = robot.body_of_link(name)
+        loads.append(position[body] + rotation[body] @ offset)
+    apparatuses = list(enumerate(robot.modules.apparatuses, start=1))
+    return RobotFigure(
+        np.array(segments, float).reshape(-1, 2, 3),
+        np.array(places, float).reshape(-1, 3),
+        np.array(axes, float).reshape(-1, 3),
+        np.array([0.5 * r.diameter for _, m in apparatuses for r in m.rotors], float),
+        [k for k, m in apparatuses for _ in m.rotors],
+        np.zeros(0) if thrusts is None else thrusts,
+        np.array(cog),
+        np.array(loads, float).reshape(-1, 3),
+        names,
+        bolted=not robot.floating,
+    )
+
+
+def payload_links(robot: Robot) -> list[str]:
+    """Returns the links that a spec's payloads became: payload1, payload2, …"""
+    return [f.name for f in robot.model.frames if re.fullmatch(r"payload[1-9]\d*", f.name)]

@@ -46,7 +46,9 @@ def _posture(result: Any, page: Page, path: Path) -> bool:
     from snakegen.picture.robot_figure import draw_robot
     from snakegen.picture.robot_picture import figure
 
-    draw_robot(path, **figure(page.robot, page.q))
+    hover = page.results.get("hover")
+    thrusts = None if hover is None else np.asarray(hover.dual_thrust, float)
+    draw_robot(path, figure(page.robot, page.q, thrusts))
     return True
 
 

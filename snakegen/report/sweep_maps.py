@@ -92,4 +92,5 @@ def _posture(
 ) -> None:
     names = [n for n in table.column_names if n in robot.joint_names]
     posture = dict(held) | {n: table[n][row].as_py() for n in names}
-    draw_robot(axes, **figure(robot, robot.configuration(posture, gimbals="hover")), title=title)
+    shown = figure(robot, robot.configuration(posture, gimbals="hover"))
+    draw_robot(axes, shown, title=title, marks=False)

@@ -198,7 +198,7 @@ def _still(robot: Robot, q: Floats) -> str:
 
     with tempfile.TemporaryDirectory() as folder:
         png = Path(folder) / "posture.png"
-        draw_robot(png, **figure(robot, q))
+        draw_robot(png, figure(robot, q))
         return "data:image/png;base64," + base64.b64encode(png.read_bytes()).decode()
 
 

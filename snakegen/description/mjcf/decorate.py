@@ -31,6 +31,8 @@ _IMPORT = (
     '<mujoco><compiler discardvisual="{}" fusestatic="false" strippath="false" '
     'balanceinertia="false"/></mujoco>'
 )
+FLOOR_SQUARE = 0.25
+"""Side of a square of the floor [m]: the checker has two by two, drawn `1 / (2 side)` a metre."""
 _COLLISION_COLOUR = [0.9, 0.3, 0.3, 0.4]
 
 
@@ -233,6 +235,7 @@ def scene(robot_file: str, model: str, floor: float = 0.0, supports: Sequence[Su
         supports: what holds a fixed base.
     """
     held = "".join(f"\n    {_support(one)}" for one in supports)
+    repeat = 0.5 / FLOOR_SQUARE
     return f"""<mujoco model="{model} scene">
   <include file="{robot_file}"/>
 
@@ -247,7 +250,8 @@ def scene(robot_file: str, model: str, floor: float = 0.0, supports: Sequence[Su
              width="256" height="1536"/>
     <texture name="floor" type="2d" builtin="checker" rgb1="0.80 0.81 0.82" rgb2="0.74 0.75 0.77"
              width="256" height="256"/>
-    <material name="floor" texture="floor" texrepeat="2 2" texuniform="true" reflectance="0.05"/>
+    <material name="floor" texture="floor" texrepeat="{repeat:g} {repeat:g}" texuniform="true"
+              reflectance="0.05"/>
   </asset>
 
   <worldbody>
