@@ -185,3 +185,50 @@ def test_what_is_recorded_seldom_is_plotted_whole(tmp_path: Path):
     slow = run.times("force_margin").size
     assert slow < 1000 and rows["/plot/margins/force_margin"] == slow
     assert rows["/plot/thrust/thrust"] < run.time.size / 2
+
+
+def test_a_picture_has_the_solids_near_the_body(run: Recording):
+    from matplotlib.figure import Figure
+
+    from snakegen.log.plain_solids import draw_solids
+
+    middle = run.held("position", np.array([1.0]))[0]
+    aside, away = np.array([0.0, 0.5, 0.0]), np.array([90.0, 0.0, 0.0])
+    wall = {"centre": (middle + aside).tolist(), "half": [5.0, 0.02, 5.0]}
+    far = {"centre": (middle + away).tolist(), "half": [0.1, 0.1, 0.1]}
+    column = {"kind": "cylinder", "centre": middle.tolist(), "size": [0.05, 0.4]}
+    seen = dataclasses.replace(run, meta={**run.meta, "obstacles": [wall, far, column]})
+    axes = Figure().add_subplot(projection="3d")
+    corners, rims, floor = draw_solids(axes, seen, scene(run), 1.0)
+    assert len(axes.collections) == 2  # the third solid would make the body small
+    assert np.allclose(np.ptp(np.abs(corners[:, 1] - middle[1] - 0.5)), 0.0, atol=1e-12)
+    assert np.ptp(corners[:, 0]) < 10.0
+    assert np.allclose(np.linalg.norm(rims[:, :2] - middle[:2], axis=1), 0.05)
+    assert floor[0].tolist() == [middle[0], middle[1], 0.0] and len(axes.lines) > 10
+
+
+def test_the_names_of_curves_stand_beside_them(
+    run: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    import matplotlib.figure
+
+    from snakegen.log import plain_picture
+
+    figures = []
+
+    class Kept(matplotlib.figure.Figure):
+        def __init__(self, *args: object, **options: object):
+            super().__init__(*args, **options)
+            figures.append(self)
+
+    monkeypatch.setattr("matplotlib.figure.Figure", Kept)
+    plain_picture.draw(run, tmp_path / "picture.png", 1.0, (800, 500))
+    for axes in figures[0].axes[1:]:
+        names = axes.get_legend().get_window_extent(figures[0].canvas.get_renderer())
+        assert names.x0 >= axes.get_window_extent().x1 - 1.0
+
+
+def test_two_dozen_curves_have_colours_of_their_own():
+    from snakegen.log.style import color
+
+    assert len({color(index) for index in range(24)}) == 24

@@ -97,7 +97,14 @@ def _hole(rec: Any, recording: Recording) -> None:
     facts = recording.meta.get("facts") or {}
     if "centreline_m" not in facts:
         return
-    line, room = np.array(facts["centreline_m"]), float(facts["room_m"])
+    room = float(facts["room_m"])
+    strips = hole_strips(np.array(facts["centreline_m"]), room)
+    look = rr.LineStrips3D(strips, colors=[style.OBSTACLE], radii=[0.05 * room])
+    rec.log("world/obstacles/hole", look, static=True)
+
+
+def hole_strips(line: Floats, room: float) -> list[Floats]:
+    """Returns a hole's centreline (n, 3) [m], then rings of radius `room` [m] along it."""
     arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     turn = np.linspace(0.0, 2.0 * np.pi, 33)[:, None]
     strips = [line]
@@ -107,8 +114,7 @@ def _hole(rec: Any, recording: Recording) -> None:
         at = line[k] + step * (s - arcs[k]) / np.linalg.norm(step)
         _, one, other = np.linalg.svd(step[None])[2]
         strips.append(at + room * (np.cos(turn) * one + np.sin(turn) * other))
-    look = rr.LineStrips3D(strips, colors=[style.OBSTACLE], radii=[0.05 * room])
-    rec.log("world/obstacles/hole", look, static=True)
+    return strips
 
 
 def _forces(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -> None:

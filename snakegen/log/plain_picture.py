@@ -12,6 +12,7 @@ from snakegen.base.atomic_io import replace_whole
 from snakegen.errors import LogError, SnakegenError
 from snakegen.log import plots, style
 from snakegen.log.ground_load import as_it_stands, plane_corners, pull
+from snakegen.log.plain_solids import draw_solids
 from snakegen.log.scene import Scene, scene, thrust_use
 from snakegen.simulation.recording.recording import Recording
 
@@ -71,9 +72,11 @@ def _draw_body(axes: Any, simulated: Recording, at: float) -> None:
     if "position" in recording.channels:
         path = recording.held("position", view.time)
         axes.plot(*path.T, color="0.7", lw=0.8)
-        what = "head" if "slip" in recording.channels else "CoG"
+        free = "q" not in recording.channels or "qw" in recording.channel("q").labels
+        what = "head" if "slip" in recording.channels else "CoG" if free else "tip"
         axes.plot(*path[frame][:, None], "o", color="black", ms=5, label=what)
         points.append(path[frame][None])
+    points += draw_solids(axes, recording, view, at)
     plane = plane_corners(simulated, view.time[frame : frame + 1])
     if plane is not None:
         axes.plot_trisurf(*plane[0].T, color=_rgb(style.OBSTACLE), alpha=0.4)
@@ -83,6 +86,8 @@ def _draw_body(axes: Any, simulated: Recording, at: float) -> None:
     for name, centre in zip("xyz", middle, strict=True):
         getattr(axes, f"set_{name}lim")(centre - reach, centre + reach)
         getattr(axes, f"set_{name}label")(f"{name} [m]")
+    axes.zaxis.set_rotate_label(False)
+    axes.set_zlabel("z [m]", rotation=90)
     axes.set_box_aspect((1, 1, 1))
     axes.view_init(elev=24, azim=-119)  # the viewer's own direction of sight
     if axes.get_legend_handles_labels()[0]:
@@ -128,28 +133,27 @@ def _draw_links(axes: Any, recording: Recording, view: Scene, frame: int) -> lis
 
 
 def _draw_group(axes: Any, shown: list[plots.Series], at: float) -> None:
-    first = 0
+    """Draws curves of one meaning, their names beside them; what was asked is dim and thin."""
+    first, units = 0, {s.unit for s in shown}
     for s in shown:
         start = 0 if s.asked else first
         for i, label in enumerate(s.labels):
-            color = _rgb(
-                style.LIMIT if s.name == plots.LIMIT else style.color(start + i, dim=s.asked)
-            )
-            name = None if s.asked else label
+            limit = s.name == plots.LIMIT
+            words = label + (f" [{s.unit}]" if len(units) > 1 else "")
             axes.plot(
                 s.time,
                 s.values[:, i],
-                color=color,
+                color=_rgb(style.LIMIT if limit else style.color(start + i, dim=s.asked)),
                 lw=0.6 if s.asked else 1.0,
-                label=name,
+                label=None if s.asked else words,
                 zorder=1.5 if s.asked else 2.0,
             )
         first += 0 if s.asked else len(s.labels)
     axes.axvline(at, color="0.4", lw=0.8)
-    axes.set_ylabel(shown[0].unit, fontsize=8)
+    axes.set_ylabel(", ".join(dict.fromkeys(s.unit for s in shown)), fontsize=8)
     axes.tick_params(labelsize=7)
     axes.grid(alpha=0.3)
-    axes.legend(loc="upper right", fontsize=6, ncols=4)
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=6.5, frameon=False)
 
 
 def _title(recording: Recording, at: float) -> str:

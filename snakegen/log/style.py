@@ -28,7 +28,7 @@ PALETTE = (
     (40, 200, 140),
     (230, 110, 180),
     (240, 228, 90),
-    (110, 140, 255),
+    (165, 120, 255),
     (235, 100, 50),
     (190, 190, 190),
 )
@@ -45,8 +45,13 @@ BARE_LINK = (150, 156, 166)  # links whose URDF names no colour
 
 
 def color(index: int, *, dim: bool = False) -> tuple[int, int, int]:
-    """Returns the colour of series `index`; `dim` for what was asked rather than measured."""
-    red, green, blue = PALETTE[index % len(PALETTE)]
+    """Returns the colour of series `index`; `dim` for what was asked rather than measured.
+
+    A second round is paler and a third darker, so that two dozen curves differ.
+    """
+    turn, index = divmod(index, len(PALETTE))
+    share, towards = ((0.0, 0), (0.5, 255), (0.45, 0))[turn % 3]
+    red, green, blue = (round(c + share * (towards - c)) for c in PALETTE[index])
     return (red // 2, green // 2, blue // 2) if dim else (red, green, blue)
 
 
