@@ -19,9 +19,6 @@ from snakegen.simulation.arm.trials import arm_trials
 from snakegen.simulation.flight.run import run
 from snakegen.simulation.monte_carlo import wilson
 from snakegen.spec.loading import load_spec
-from snakegen.statics.joint_torques import joint_torques
-from snakegen.statics.thrust_relief import force_set, inner_ball, thrust_map, tip_force
-from snakegen.statics.tip import find_tip, tip_pose
 from snakegen.sweep.batch import Body
 
 BENT = {"joint1_yaw": 0.4, "joint2_pitch": -0.5, "joint3_yaw": 0.6}
@@ -43,6 +40,10 @@ def test_thrust_leaves_to_the_servos_what_relief_says(arm, force):
     assert held.verdict.passed, held.verdict.summary()
     servo = held.channel("joint_torque").values[len(held.time) // 2 :].mean(axis=0)
     law = held.channel("joint_torque_law").values[0]
+    wrench = {"link4": held.meta["facts"]["tip_wrench"]}
+    page = relief.analyze(arm, arm.configuration(BENT), wrenches=wrench)
+    assert held.meta["facts"]["relief"] == page.relieved.value
+    assert np.array_equal(law, page.torque)
     assert np.abs(servo - law).max() < 0.01 * 7.0
 
 
@@ -65,19 +66,16 @@ def test_trials_draw_thrusts_too(arm):
     assert np.ptp(given[1]) > 1e-3  # rotors of one apparatus are asked alike
 
 
-def test_the_set_of_tip_forces_is_reached_from_inside(arm):
-    """A force in any direction, as large as the radius of the inner ball, is borne."""
-    q = arm.configuration(BENT)
-    index = [arm.joint_names.index(n) for n in arm.chain_joints]
-    load = np.asarray(joint_torques(arm, q, terms="static"))[index]
-    jacobian = tip_pose(arm, q, find_tip(arm)).jacobian[:3, index]
-    thrust = thrust_map(arm, q)
-    corners = force_set(thrust, load, jacobian)
-    radius = inner_ball(corners)
-    assert corners.shape == (26, 3) and 20.0 < radius < np.linalg.norm(corners, axis=1).min()
-    for u in np.random.default_rng(0).standard_normal((4, 3)):
-        u /= np.linalg.norm(u)
-        assert tip_force(thrust, load, jacobian.T @ u, 1e-3).value >= radius
+def test_a_tip_force_of_the_page_is_held(arm):
+    """Along a corner of the cube: what the page says is borne; half as much again is refused."""
+    page = relief.analyze(arm, arm.configuration(BENT))
+    assert page.corners.shape == (26, 3) and 15.0 < page.least < 40.0
+    corner = page.corners[0]
+    given = SHORT | {"tip_force": ",".join(f"{x:.6f}" for x in 0.98 * corner)}
+    held = run(arm, "hold", options=given, ideal=True)
+    assert held.meta["facts"]["relief"] <= 1.0 and held.metrics["position_max_m"] < 0.02
+    with pytest.raises(MissionError, match="at best"):
+        run(arm, "hold", options=SHORT | {"tip_force": ",".join(f"{1.5 * x:.6f}" for x in corner)})
 
 
 def test_a_fixed_base_has_no_free_flight(arm):

@@ -1,6 +1,7 @@
 """Stiffness of cabled postures: against MuJoCo's finite differences, and disturbed in MuJoCo."""
 
 import json
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -10,11 +11,13 @@ from scipy.optimize import LinearConstraint, minimize
 import snakegen
 from snakegen.analysis import cables
 from snakegen.cli import main
+from snakegen.description.mjcf.tendons import holding
 from snakegen.errors import AnalysisError, SpecError
 from snakegen.kernels.cables.cables import Holes
 from snakegen.spec.loading import load_spec
 from snakegen.statics.cable_holding import least_holding_tension, stiffness_of
 from snakegen.statics.cable_stiffness import PointLoad, cable_geometry, chain_of, load_stiffness
+from snakegen.statics.cabled import HELD_DRIFT
 from snakegen.statics.joint_torques import joint_torques
 
 DOWN = np.array([0.0, 0.0, -9.81])
@@ -202,3 +205,20 @@ def test_numbers_that_are_none_are_refused(arm, given):
 def test_cables_of_a_floating_base_are_refused():
     with pytest.raises(SpecError, match="fixed base"):
         load_spec("dragon4", overrides=["cables.count=3"])
+
+
+def test_any_cable_lost_is_found(arm, tmp_path, monkeypatch):
+    """Of a held posture each cable in turn is cut: MuJoCo's robot leaves, and the page says so."""
+    monkeypatch.setattr("snakegen.statics.cabled.let_go", lambda *_: (0.0, 0.0, None, 0.0))
+    path = tmp_path / "a.xml"
+    found = cables.analyze(arm, arm.configuration({"joint2_yaw": 0.3}), minimum=20.0, mjcf=path)
+    assert found.holds and holding(path, 0.3).drift < 1e-9
+    for name in found.names:
+        spec = mujoco.MjSpec.from_file(str(path))
+        spec.actuator(name).forcerange = [-1e-9, 0.0]
+        cut = tmp_path / "cut.xml"
+        cut.write_text(spec.to_xml())
+        lost = holding(cut, 0.3)
+        assert lost.drift > 10 * HELD_DRIFT and lost.acceleration > 1.0, name
+        rows = dict(replace(found, held=replace(lost, left=None)).rows())
+        assert "NOT" in rows["in MuJoCo"], name

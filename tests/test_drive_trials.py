@@ -76,3 +76,16 @@ def test_the_command_prints_the_interval_and_refuses_what_draws_nothing(tmp_path
     assert isinstance(ideal.exception, MissionError) and "not ideal" in str(ideal.exception)
     with pytest.raises(MissionError, match="contact"):
         drive_trials(load("screw4"), "follow", 1, options={"plant": "kinematic"})
+
+
+@pytest.mark.parametrize("joint", ["screw3", "joint2_yaw"])
+def test_a_servo_at_half_strength_fails(quick, joint):
+    """Feedback makes up for it, so tracking is as good; its own gain shows it."""
+    weak = RunSettings(2, draw=DriveDraw(strength={joint: 0.5}))
+    found = follow.fly(quick, follow.Options(**SHORT), weak)
+    kind = "screw" if joint.startswith("screw") else "joint"
+    assert {c.metric for c in found.verdict.failed} == {f"{kind}_servo_strength"}
+    assert found.metrics[f"{kind}_servo_strength"] == pytest.approx(0.5, abs=0.05)
+    good = run(quick, "follow", seed=2, options=SHORT)
+    for name in ("screw_servo_strength", "joint_servo_strength"):
+        assert good.metrics[name] == pytest.approx(1.0, abs=1e-9)

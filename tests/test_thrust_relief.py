@@ -8,8 +8,16 @@ from scipy.optimize import minimize
 import snakegen
 from snakegen.analysis import relief
 from snakegen.errors import AnalysisError
+from snakegen.robot.kinematics import forward
+from snakegen.robot.posture import set_angle
 from snakegen.simulation.flight.world import make_world
 from snakegen.spec.loading import load_spec
+from snakegen.statics.joint_torques import joint_torques
+from snakegen.statics.relieved_posture import free_gimbals, relieved_posture
+from snakegen.statics.thrust_relief import least_use, thrust_map
+from snakegen.statics.tip import find_tip, tip_pose
+
+DOWN = np.array([0.0, 0.0, -9.81])
 
 
 @pytest.fixture(scope="module")
@@ -26,8 +34,13 @@ def test_forces_are_a_cone_programs_optimum(arm):
         load_spec("dragon4", overrides=["base=fixed", "vectoring_apparatus.thrust_max=3"])
     )
     found = relief.analyze(weak, weak.configuration(POSTURE))
-    thrust, size = found.thrust, 3 * len(found.thrust.limit)
-    assert found.relieved.bound <= found.relieved.value <= found.relieved.bound + 1e-5
+    q = found.posture.q
+    load, thrust, size = found.posture.load, found.thrust, 3 * len(found.thrust.limit)
+    there = least_use(thrust, load)
+    assert there.bound <= found.relieved.value <= there.bound + 1e-5
+    assert found.relieved.bound <= there.bound and found.posture.off.max() < 1e-6
+    again = relief.analyze(weak, q)  # nothing moves any more
+    assert again.relieved.value == pytest.approx(found.relieved.value, abs=1e-6)
     assert 0.2 < found.relieved.value < found.use
     rng = np.random.default_rng(0)
     best = np.inf
@@ -37,7 +50,7 @@ def test_forces_are_a_cone_programs_optimum(arm):
             np.append(rng.normal(size=size), 5.0),
             constraints=[
                 {"type": "ineq", "fun": lambda x, s=s: x[-1] * thrust.effort - s * (
-                    found.load - thrust.relief @ x[:-1])}
+                    load - thrust.relief @ x[:-1])}
                 for s in (1.0, -1.0)
             ] + [{"type": "ineq", "fun": lambda x: thrust.limit**2 - np.sum(
                 x[:-1].reshape(-1, 3) ** 2, axis=1)}],
@@ -55,7 +68,7 @@ def test_mujoco_has_the_relieved_torques(arm):
     found = relief.analyze(arm, q)
     world = make_world(arm, floor=False)
     data = mujoco.MjData(world.model)
-    world.set_state(data, q)
+    world.set_state(data, found.posture.q)
     mujoco.mj_forward(world.model, data)
     generalized = np.zeros(world.model.nv)
     for j, force in enumerate(found.relieved.forces):
@@ -69,13 +82,52 @@ def test_mujoco_has_the_relieved_torques(arm):
     assert np.abs(found.torque).max() < 1e-3 and np.abs(found.load).max() > 10.0
 
 
+def loads(arm, force):
+    """Returns the joint loads of a posture with a force at the tip, from Jacobians."""
+    index = [arm.joint_names.index(n) for n in arm.chain_joints]
+
+    def load_at(q):
+        J = tip_pose(arm, q, find_tip(arm)).jacobian[:3, index]
+        return joint_torques(arm, q, terms="static")[index] - J.T @ force
+
+    return load_at
+
+
 def test_a_tip_force_is_borne_and_no_more(arm):
-    found = relief.analyze(arm, arm.configuration(POSTURE))
-    for name, both in found.along.items():
-        assert np.isfinite(both.value) and both.value <= both.bound * (1 + 1e-9)
-        assert both.value >= 0.999 * both.bound
+    """With the force on, the relieving posture is within torque; beyond the bound it is not."""
+    q = arm.configuration(POSTURE)
+    found = relief.analyze(arm, q)
+    ways = np.kron(np.eye(3), np.array([[1.0], [-1.0]]))
+    for u, (name, both) in zip(ways, found.along.items(), strict=True):
+        assert np.isfinite(both.value) and 0.8 * both.bound < both.value <= both.bound
         alone = found.alone[name]
         assert np.isnan(alone) or alone < both.value
+        held, lost = (
+            relieved_posture(arm, q, DOWN, loads(arm, size * u)).relieved
+            for size in (0.99 * both.value, 1.01 * both.bound)
+        )
+        assert held.value <= 1.0 < lost.bound
+
+
+def test_gimbals_stay_within_what_they_can_do_to_the_loads(arm):
+    """The joints' loads at any angle of the gimbals, and the bound is nearly reached."""
+    rng = np.random.default_rng(1)
+    q = arm.configuration(POSTURE)
+    free, rest = free_gimbals(arm, q, DOWN), loads(arm, np.zeros(3))
+    centre, most = rest(q) + free.shift, np.zeros(len(free.shift))
+    axes = arm.gimbals.thrust_axis
+    for _ in range(300):
+        turned = arm.configuration(POSTURE)
+        for name in arm.joint_names:
+            if name.startswith("gimbal"):
+                set_angle(arm, turned, name, rng.uniform(-np.pi, np.pi))
+        # each apparatus at its limit, along its thrust
+        frames = arm.gimbals.thrust_body
+        rotation, _ = forward(arm.tree, np.eye(3), np.zeros(3), arm.angles(turned))
+        full = 32.0 * np.array([rotation[b] @ a for b, a in zip(frames, axes, strict=True)])
+        push = (thrust_map(arm, turned).relief - free.thrust.relief) @ full.ravel()
+        most = np.maximum(most, np.abs(rest(turned) - centre - push))
+    assert np.all(most <= free.swing + 1e-12) and np.all(most > 0.2 * free.swing)
 
 
 def test_what_flies_or_has_no_thrust_is_refused():

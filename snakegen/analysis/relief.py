@@ -2,10 +2,12 @@
 
 Vectoring apparatuses on a fixed base do not fly: they are actuators beside the servos. The classes
 of free flight do not apply to them. Gimbals are taken as free to turn; their own torques are not
-counted.
+counted, but their weight is: the relieved torques are those with gimbals along their forces, as
+mission `hold` has them, and so are the forces that the tip bears; the bounds of these hold at any
+angle of the gimbals.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +17,18 @@ from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
 from snakegen.robot.robot import Robot
 from snakegen.statics.joint_torques import Wrenches, finite, joint_torques
+from snakegen.statics.relieved_posture import (
+    AIMED,
+    RelievedPosture,
+    borne_at_tip,
+    free_gimbals,
+    relieved_posture,
+)
 from snakegen.statics.thrust_relief import (
     Relieved,
     ThrustMap,
-    force_set,
-    inner_ball,
-    least_use,
     thrust_map,
+    tip_bound,
     tip_force,
 )
 from snakegen.statics.tip import find_tip, tip_pose
@@ -29,7 +36,11 @@ from snakegen.statics.tip import find_tip, tip_pose
 COMMAND = "relief"
 ORDER = 77
 EXAMPLE = "dragon4 --set base=fixed --joint joint1_yaw=0.4"
-_AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
+_AXES = {f"{sign}{axis}": float(f"{sign}1") * np.eye(3)["xyz".index(axis)]
+         for axis in "xyz" for sign in "+-"}  # fmt: skip
+_GRID = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+_WAYS = np.array([v / np.linalg.norm(v) for v in _GRID if v.any()])
+"""Directions of a cube's axes, edges and corners, (26, 3)."""
 
 
 @dataclass(frozen=True)
@@ -37,31 +48,41 @@ class ReliefResult:
     """What thrust does for an arm in a posture.
 
     Attributes:
-        load: (k,) N m of the chain's joints without thrust.
-        thrust: servos' and apparatuses' limits and the map between them.
-        relieved: forces that make the highest share of servo torque least.
+        load: (k,) N m of the chain's joints without thrust, gimbals as given.
+        posture: gimbals along the forces that make the highest share of servo torque least.
         along: by direction, the tip force of servos and thrust together.
         alone: by direction, the tip force of the servos alone [N].
-        corners: (c, 3) N, forces at the tip that servos and thrust bear together, world axes:
-            their hull lies within the set of all; those along directions without a limit end at
-            100 times the largest of the others. None where the posture itself is not borne.
-        radius: N, borne in every direction: of the largest ball about 0 in that hull; nan: none.
+        corners: (26, 3) N, forces at the tip that servos and thrust bear together, world axes:
+            along the axes, edges and corners of a cube; nan where none is borne.
         apparatuses: their names, with their links.
     """
 
     load: Floats
-    thrust: ThrustMap
-    relieved: Relieved
+    posture: RelievedPosture
     along: dict[str, Relieved]
     alone: dict[str, float]
     corners: Floats
-    radius: float
     apparatuses: tuple[str, ...]
+
+    @property
+    def thrust(self) -> ThrustMap:
+        """Limits, and the map from forces to joints, with the gimbals along their forces."""
+        return self.posture.thrust
+
+    @property
+    def relieved(self) -> Relieved:
+        """The forces that relieve the joints most."""
+        return self.posture.relieved
+
+    @property
+    def least(self) -> float:
+        """The smallest of the tip forces of all directions [N]; nan: one has none."""
+        return float(np.linalg.norm(self.corners, axis=1).min())
 
     @property
     def torque(self) -> Floats:
         """Joint torques (k,) [N m] that are left with the relieving thrust."""
-        return np.asarray(self.load - self.thrust.relief @ self.relieved.forces.ravel())
+        return self.posture.torque
 
     @property
     def use(self) -> float:
@@ -80,11 +101,18 @@ class ReliefResult:
             way = " ".join(f"{x:+.2f}" for x in np.round(force, 2) + 0.0)
             size = float(np.linalg.norm(force))
             out.append((self.apparatuses[j], f"{size:.4g} N of {self.thrust.limit[j]:.4g}: {way}"))
+        off = self.posture.off
+        if (off > AIMED).any():
+            j = int(np.argmax(off))
+            text = f"gimbals of {self.apparatuses[j]} end {off[j]:.3g} rad from its force"
+            out.append(("not reached", text))
         for name, both in self.along.items():
             alone = _newtons(self.alone[name])
-            out.append((f"tip force {name}", f"{_newtons(both.value)}, servos alone {alone}"))
-        every = f"{_newtons(self.radius)} at least, of {len(self.corners)} corners' hull"
-        out.append(("tip force, every direction", every))
+            most = "" if np.isnan(both.value) else f" (≤ {both.bound:.4g})"
+            text = f"{_newtons(both.value)}{most}, servos alone {alone}"
+            out.append((f"tip force {name}", text))
+        text = f"{_newtons(self.least)} at least, of {len(self.corners)}"
+        out.append(("tip force, directions", text))
         return out
 
     def to_json(self) -> dict[str, Any]:
@@ -102,7 +130,7 @@ class ReliefResult:
             "tip_force_bound_N": {k: v.bound for k, v in self.along.items()},
             "tip_force_servos_alone_N": self.alone,
             "tip_force_corners_N": self.corners.tolist(),
-            "tip_force_every_direction_N": None if np.isnan(self.radius) else self.radius,
+            "tip_force_least_N": None if np.isnan(self.least) else self.least,
         }
 
 
@@ -138,15 +166,22 @@ def analyze(
     q = robot.validate_configuration(q)
     g = finite(gravity, (3,), "gravity")
     index = [robot.joint_names.index(n) for n in robot.chain_joints]
-    static = joint_torques(robot, q, wrenches=wrenches, gravity=g, terms="static")
-    load = np.asarray(static)[index]
-    thrust = thrust_map(robot, q)
-    none = ThrustMap(thrust.joints, 0.0 * thrust.relief, 0.0 * thrust.limit, thrust.effort)
+
+    def load_at(posture: Floats) -> Floats:
+        static = joint_torques(robot, posture, wrenches=wrenches, gravity=g, terms="static")
+        return np.asarray(static)[index]
+
+    load, posture = load_at(q), relieved_posture(robot, q, g, load_at)
+    free, reach = free_gimbals(robot, q, g), thrust_map(robot, q)
+    none = replace(reach, relief=0.0 * reach.relief, limit=0.0 * reach.limit)
+    at_best = replace(free.thrust, effort=reach.effort + free.swing)
     J = tip_pose(robot, q, find_tip(robot)).jacobian[:3, index]
-    ways = dict(zip(_AXES, np.kron(np.eye(3), np.array([[1.0], [-1.0]])), strict=True))
-    along = {name: tip_force(thrust, load, J.T @ u) for name, u in ways.items()}
-    corners = force_set(thrust, load, J)
-    alone = {name: tip_force(none, load, J.T @ u).value for name, u in ways.items()}
+    borne = [borne_at_tip(robot, posture.q, g, load_at, J.T @ u) for u in _WAYS]
+    along, alone = {}, {}
+    for name, u in _AXES.items():
+        k = int(np.argmax(_WAYS @ u))
+        along[name] = replace(borne[k], bound=tip_bound(at_best, load + free.shift, J.T @ u))
+        alone[name] = tip_force(none, load, J.T @ u).value
+    corners = np.array([one.value for one in borne])[:, None] * _WAYS
     names = robot.apparatus_names
-    best, radius = least_use(thrust, load), inner_ball(corners)
-    return ReliefResult(load, thrust, best, along, alone, corners, radius, names)
+    return ReliefResult(load, posture, along, alone, corners, names)

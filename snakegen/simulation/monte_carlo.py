@@ -275,12 +275,12 @@ def summary(asked: int, spread: Any, trials: list[Trial]) -> MonteCarlo:
         len(alive) / len(trials),
         wilson(len(alive), len(trials)),
         percentiles,
-        min(trials, key=_badness).number,
+        min(trials, key=badness).number,
     )
 
 
-def _badness(trial: Trial) -> tuple[bool, float, float]:
-    """Returns a key by which the worst trial comes first."""
+def badness(trial: Trial) -> tuple[bool, float, float]:
+    """Returns a key by which the worst trial comes first: lost, ended early, farthest off."""
     off = trial.metrics.get("position_max_m")
     return (
         trial.survived,

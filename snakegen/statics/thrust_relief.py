@@ -6,7 +6,7 @@ programs, solved by linear ones: a ball is cut by the plane at the force that le
 does. The linear program bounds from outside; forces scaled back into their balls, from inside.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,21 +67,23 @@ def thrust_map(robot: Robot, q: Floats) -> ThrustMap:
     return ThrustMap(robot.chain_joints, np.hstack(columns), gimbals.limit.copy(), effort)
 
 
-def least_use(thrust: ThrustMap, load: Floats) -> Relieved:
+def least_use(thrust: ThrustMap, load: Floats, slack: Floats | float = 0.0) -> Relieved:
     """Returns the forces that make the highest share of servo torque least.
 
-    ``min t`` with ``|load - Jᵀ f| ≤ t τ_max``, each force within its ball.
+    ``min t`` with ``|load - Jᵀ f| ≤ t τ_max + slack``, each force within its ball.
 
     Args:
         thrust: from `thrust_map`.
         load: (k,) N m that the joints bear without thrust.
+        slack: (k,) N m, by which the load may differ, for a bound of all such loads.
     """
     size = thrust.relief.shape[1]
     share = thrust.relief / thrust.effort[:, None]
     wanted = load / thrust.effort
     one = np.ones((len(wanted), 1))
     rows = np.vstack([np.hstack([-share, -one]), np.hstack([share, -one])])
-    right = np.concatenate([-wanted, wanted])
+    free = slack / thrust.effort
+    right = np.concatenate([free - wanted, free + wanted])
     cost = np.zeros(size + 1)
     cost[-1] = 1.0
     x = _within_balls(thrust, cost, rows, right, (0.0, None))
@@ -125,9 +127,10 @@ def _least_forces(thrust: ThrustMap, share: Floats, wanted: Floats, forces: Floa
 
 
 def tip_force(thrust: ThrustMap, load: Floats, pull: Floats, close: float = _CLOSE) -> Relieved:
-    """Returns the largest force at the tip along a direction that thrust and servos bear.
+    """Returns a force at the tip along a direction that thrust and servos bear: nearly the largest.
 
-    ``max s`` with ``|load - s Jᵀ_tip u - Jᵀ f| ≤ τ_max``. A value of nan: not even s = 0.
+    ``max s`` with ``|load - s Jᵀ_tip u - Jᵀ f| ≤ τ_max``. A value of nan: not even s = 0. Servos
+    keep what forces lose where they are drawn back into their balls; `tip_bound` has the bound.
 
     Args:
         thrust: from `thrust_map`.
@@ -135,56 +138,58 @@ def tip_force(thrust: ThrustMap, load: Floats, pull: Floats, close: float = _CLO
         pull: (k,) N m per newton at the tip along the direction: ``Jᵀ_tip u``.
         close: share of a thrust limit by which the outer program may exceed it.
     """
-    size = thrust.relief.shape[1]
+    count = len(thrust.limit)
+    size = np.linalg.norm(thrust.relief.reshape(-1, count, 3), axis=2)
+    effort = np.maximum(thrust.effort - close * size @ thrust.limit, 0.0)
+    x = _farthest(replace(thrust, effort=effort), load, pull, close)
+    nothing = np.zeros((count, 3))
+    if x is None or np.isinf(x[-1]):
+        value = float("nan" if x is None else "inf")
+        return Relieved(value, np.inf, nothing)
+    value, forces = force_along(thrust, load, pull, _scaled(thrust, x[:-1]))
+    return Relieved(value, np.inf, forces)
+
+
+def tip_bound(thrust: ThrustMap, load: Floats, pull: Floats) -> float:
+    """Returns what no force at the tip exceeds [N]; arguments as of `tip_force`."""
+    x = _farthest(thrust, load, pull, _CLOSE)
+    return float("nan") if x is None else float(x[-1])
+
+
+def _farthest(thrust: ThrustMap, load: Floats, pull: Floats, close: float) -> Floats | None:
+    """Returns forces (3 m,) and s of the largest s, as `_within_balls`."""
     both = np.hstack([thrust.relief, pull[:, None]])
     rows = np.vstack([both, -both])
     right = np.concatenate([load + thrust.effort, thrust.effort - load])
-    cost = np.zeros(size + 1)
+    cost = np.zeros(both.shape[1])
     cost[-1] = -1.0
-    x = _within_balls(thrust, cost, rows, right, (0.0, None), close)
-    nothing = np.zeros((len(thrust.limit), 3))
-    if x is None:
-        return Relieved(float("nan"), float("nan"), nothing)
-    if np.isinf(x[-1]):
-        return Relieved(float("inf"), float("inf"), nothing)
-    forces = _scaled(thrust, x[:-1])
-    left = load - thrust.relief @ forces.ravel()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ends = np.where(pull > 0, (left + thrust.effort) / pull, (left - thrust.effort) / pull)
-    value = float(np.min(ends[np.abs(pull) > 1e-12], initial=np.inf))
-    return Relieved(min(value, float(x[-1])), float(x[-1]), forces)
+    return _within_balls(thrust, cost, rows, right, (0.0, None), close)
 
 
-def force_set(thrust: ThrustMap, load: Floats, jacobian: Floats) -> Floats:
-    """Returns forces (c, 3) [N] at the tip that are borne, along axes, edges and corners of a cube.
+def force_along(
+    thrust: ThrustMap, load: Floats, pull: Floats, forces: Floats
+) -> tuple[float, Floats]:
+    """Returns the largest force [N] at the tip that is borne with less or all of these forces.
 
-    The set of all is convex and holds their hull. A direction without a limit gives a force of 100
-    times the largest of the others. Empty where not even no force is borne.
-
-    Args:
-        thrust: from `thrust_map`.
-        load: (k,) N m that the joints bear without thrust and tip force.
-        jacobian: (3, k) of the tip.
+    ``max s`` with ``|load - s pull - Σ λ_j J_jᵀ f_j| ≤ τ_max``, 0 ≤ λ_j ≤ 1: directions of the
+    forces stay. And the forces (m, 3) [N]; nan where none are borne. Arguments as of `tip_force`.
     """
-    grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    ways = grid[np.any(grid != 0.0, axis=1)]
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    size = np.array([tip_force(thrust, load, jacobian.T @ u, 1e-3).value for u in ways])
-    if not (size >= 0.0).all():
-        return np.zeros((0, 3))
-    finite = size[np.isfinite(size)]
-    most = 100.0 * float(finite.max(initial=1.0))
-    return np.asarray(np.where(np.isfinite(size), size, most)[:, None] * ways)
+    from scipy.optimize import linprog
 
-
-def inner_ball(corners: Floats) -> float:
-    """Returns the radius of the largest ball about 0 in the hull of corners (c, 3); nan: none."""
-    from scipy.spatial import ConvexHull
-
-    if len(corners) < 4 or np.linalg.matrix_rank(corners) < 3:
-        return 0.0 if len(corners) else float("nan")
-    ends = ConvexHull(corners).equations[:, 3]
-    return float(max(0.0, np.min(-ends)))
+    count = len(forces)
+    columns = (thrust.relief * forces.ravel()).reshape(len(load), count, 3).sum(axis=2)
+    both = np.hstack([columns, pull[:, None]])
+    rows, right = (
+        np.vstack([both, -both]),
+        np.concatenate([load + thrust.effort, thrust.effort - load]),
+    )
+    cost = np.append(np.zeros(count), -1.0)
+    found = linprog(cost, rows, right, bounds=[(0.0, 1.0)] * count + [(0.0, None)], method="highs")
+    if found.status == 3:
+        return np.inf, forces
+    if found.status != 0:
+        return np.nan, forces
+    return float(found.x[-1]), found.x[:-1, None] * forces
 
 
 def _within_balls(

@@ -54,11 +54,16 @@ class HoldPlant:
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """What a run left: rows (T, ·) of time [s], qpos, servo torque [N m], thrust [N]."""
+    """What a run left: rows (T, ·).
+
+    Time [s], qpos, servo torque [N m], rate [rad/s] and deflection [rad], thrust [N].
+    """
 
     time: Floats
     qpos: Floats
     torque: Floats
+    rate: Floats
+    deflection: Floats
     thrust: Floats
     stopped: str
 
@@ -106,9 +111,14 @@ def hold_still(world: World, hold: Hold, plant: HoldPlant, progress: Any = None)
         for k in range(steps + 1):
             if k % LOGGED == 0:
                 mujoco.mj_forward(model, data)
-                torque = data.actuator_force[world.servos]
-                now = np.array([k * model.opt.timestep]), data.qpos.copy(), torque.copy()
-                rows.append((*now, data.actuator_force[world.rotors].copy()))
+                bent = data.ctrl - data.actuator_length
+                servos = (
+                    signal[world.servos].copy()
+                    for signal in (data.actuator_force, data.actuator_velocity, bent)
+                )
+                pushed = data.actuator_force[world.rotors].copy()
+                now = np.array([k * model.opt.timestep]), data.qpos.copy()
+                rows.append((*now, *servos, pushed))
                 if progress is not None:
                     progress(k, steps)
             _push(model, data, body, hold)
@@ -118,8 +128,10 @@ def hold_still(world: World, hold: Hold, plant: HoldPlant, progress: Any = None)
                 break
     except KeyboardInterrupt:
         stopped = f"interrupted at {k * model.opt.timestep:.2f} s"
-    time, qpos, servo, pushed = (np.array(column) for column in zip(*rows, strict=True))
-    return Holding(time[:, 0], qpos, servo, pushed, stopped)
+    time, qpos, servo, rate, deflection, pushed = (
+        np.array(column) for column in zip(*rows, strict=True)
+    )
+    return Holding(time[:, 0], qpos, servo, rate, deflection, pushed, stopped)
 
 
 def _push(model: mujoco.MjModel, data: mujoco.MjData, body: int, hold: Hold) -> None:

@@ -31,6 +31,7 @@ class Moved:
         rates, accelerations: (T, k) rad/s and rad/s² of the chain's joints; Δq̇/Δt of the step.
         torque: (T, k) N m that the servos gave over the step.
         friction: (T, k) N m that dry friction gave over the step.
+        deflection: (T, k) rad, what the servos are commanded, lead and all, beside the angle.
         inverse: (T, k) N m of MuJoCo's inverse dynamics of the motion asked for.
         contacts: (T,) how many contacts there were.
         stopped: "" or why the run ended early.
@@ -42,6 +43,7 @@ class Moved:
     accelerations: Floats
     torque: Floats
     friction: Floats
+    deflection: Floats
     inverse: Floats
     contacts: Floats
     stopped: str
@@ -147,7 +149,7 @@ def move(
     inverse = inverse_dynamics(world, along, gravity)
     return Moved(
         ticks, qpos[:ticks], rates[:ticks], bends[:ticks], torque[:ticks], held[:ticks],
-        inverse[:ticks], contacts[:ticks], stopped,
+        (command - qpos[:, at])[:ticks], inverse[:ticks], contacts[:ticks], stopped,
     )  # fmt: skip
 
 

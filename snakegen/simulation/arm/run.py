@@ -27,6 +27,7 @@ from snakegen.simulation.flight.world import World, make_world
 from snakegen.simulation.monte_carlo import Spread
 from snakegen.simulation.recording.metrics import metrics
 from snakegen.simulation.recording.recording import Channel, Recording, channel
+from snakegen.simulation.recording.servo_strength import declared_servos, strength_checks
 from snakegen.simulation.recording.worst_place import judged_verdict
 from snakegen.simulation.run_settings import ARM_STEP as STEP
 from snakegen.simulation.run_settings import RunSettings
@@ -157,6 +158,7 @@ def run_arm(
         "urdf_sha256": robot.urdf_hash,
         "rotors": [],
         "limits": {"joint_torque": robot.limits(motion.joints)[2].tolist()},
+        "joint_servos": declared_servos(robot, motion.joints),
         "options": {k: v for k, v in vars(options).items() if v is not None},
         "gravity_m_s2": gravity.tolist(),
         "friction_n_m": list(rub.highest),
@@ -168,7 +170,7 @@ def run_arm(
     recording = Recording(along.time[rows], channels, (), meta, arm_report(channels))
     found = metrics(recording) | {"completed": not moved.stopped}
     # Friction holds joints back where they turn round: then only the motion made is comparable.
-    bounds: dict[str, Any] = dict(THRESHOLDS)
+    bounds: dict[str, Any] = THRESHOLDS | strength_checks(found)
     if ideal:
         bounds |= IDEAL | ({} if rub.present or lead != "law" else FOLLOWS)
     else:  # independent masses add up to about half of what they would all together
@@ -295,7 +297,6 @@ def _channels(
     def torque(name: str, values: Floats, group: str, meaning: str) -> Channel:
         return per_joint(name, values, unit="N·m", group=group, meaning=meaning)
 
-    rate = {"unit": "rad/s", "group": "joint rate", "meaning": "rate of each joint"}
     watt = {"unit": "W", "group": "joint power", "meaning": "mechanical power of each servo"}
     by_law = "joint torque by the law"
     return {
@@ -304,7 +305,8 @@ def _channels(
         "q": channel("q", world.configurations(moved.qpos[rows]), _q_labels(robot)),
         "joint_angle": per_joint("joint_angle", angles[:, world.chain]),
         "joint_command": per_joint("joint_command", along.angles[: moved.ticks]),
-        "joint_rate": per_joint("joint_rate", moved.rates, **rate),
+        "joint_rate": per_joint("joint_rate", moved.rates),
+        "servo_deflection": per_joint("servo_deflection", moved.deflection),
         "joint_torque": per_joint("joint_torque", moved.torque),
         "joint_torque_law": torque(
             "joint_torque_law", law, by_law, "the law's, of the motion asked for"

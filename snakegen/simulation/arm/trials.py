@@ -19,9 +19,10 @@ from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.world import World
 from snakegen.simulation.missions import mission
 from snakegen.simulation.missions.options import checked_options
-from snakegen.simulation.monte_carlo import MonteCarlo, Spread, Trial, summary
+from snakegen.simulation.monte_carlo import MonteCarlo, Spread, Trial
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.run_settings import RunSettings
+from snakegen.simulation.trial_loop import run_trials
 
 TIP_SHARE = 0.01  # of the arm's length, that the tip may be off (assumed)
 TORQUE_USE = 0.99
@@ -113,30 +114,22 @@ def arm_trials(
         progress: called with runs done and runs in all.
 
     Raises:
-        MissionError: no run asked for.
+        MissionError: fewer than one run.
         KeyboardInterrupt: interrupted before the first was finished.
     """
     module = mission(name, robot)
     chosen = checked_options(name, module.Options, options or {})
     spread = ArmSpread.of(robot) if spread is None else spread
     length = sum(robot.modules.lengths.values()) or robot.link_length
-    trials: list[Trial] = []
-    worst: tuple[tuple[bool, float], Recording] | None = None
-    for k in range(count):
-        rng = np.random.default_rng([seed, k])
-        recording = module.fly(robot, chosen, RunSettings(seed, draw=(spread, rng)))
-        if str(recording.meta["stopped"]).startswith("interrupted"):
-            break
-        trial = _judged(recording, k, TIP_SHARE * length)
-        trials.append(trial)
-        bad = (not trial.passed, trial.metrics["position_max_m"])
-        if worst is None or bad > worst[0]:
-            worst = bad, recording
-        if progress is not None:
-            progress(k + 1, count)
-    if worst is None:
-        raise KeyboardInterrupt  # before the first trial was finished: nothing is kept
-    return summary(count, spread, trials), worst[1]
+
+    def fly(rng: np.random.Generator) -> Recording:
+        out: Recording = module.fly(robot, chosen, RunSettings(seed, draw=(spread, rng)))
+        return out
+
+    def judge(recording: Recording, number: int) -> Trial:
+        return _judged(recording, number, TIP_SHARE * length)
+
+    return run_trials(fly, judge, count, seed=seed, spread=spread, progress=progress)
 
 
 def _judged(recording: Recording, number: int, allowed: float) -> Trial:

@@ -3,7 +3,8 @@
 Drawn once a run from one generator; the same plant fields and seeds as of a flight.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import mujoco
 import numpy as np
@@ -27,6 +28,7 @@ class DriveDraw:
     noise: float = 1.0  # of all sensors
     delay: float = 0.0
     body: Robot | None = None  # that drives in place of the one that the law knows
+    strength: Mapping[str, float] = field(default_factory=dict)  # of servos, by their joint
 
     def to_json(self) -> dict[str, float]:
         """Returns what was drawn, by name."""
@@ -61,6 +63,7 @@ class DriveHardware:
         what = Imperfections.of(robot.modules.plant)
         self.what = what = what.ideal() if ideal else draw.shaken(what)
         self.losses = NONE if ideal else draw.worn(robot.modules.losses)
+        self.strength = draw.strength
         self.robot = _rolling_on(draw.body or robot, self.losses, draw.ground)
         self.rng = np.random.default_rng(settings.seed)
         self.offset = np.zeros(size)
@@ -72,8 +75,10 @@ class DriveHardware:
         self.spread = (0.0, 0.0) if ideal else (spread.mass, spread.inertia)
         self.last: Floats | None = None
 
-    def change_bodies(self, model: mujoco.MjModel) -> None:
-        """Scales mass and inertia of every body within ``plant.uncertainty``, in place."""
+    def change(self, model: mujoco.MjModel) -> None:
+        """Scales bodies within ``plant.uncertainty``, and servos by their strength, in place."""
+        for name, factor in self.strength.items():
+            weaken(model, name, factor)
         mass, inertia = (1.0 + s * self.rng.uniform(-1.0, 1.0, model.nbody) for s in self.spread)
         model.body_mass *= mass
         model.body_inertia *= (mass * inertia)[:, None]
@@ -97,6 +102,14 @@ class DriveHardware:
         out = np.array(command)
         out[: len(self.factor)] *= self.factor
         return out
+
+
+def weaken(model: mujoco.MjModel, joint: str, factor: float) -> None:
+    """Scales gains and torque limit of a joint's servo, in place."""
+    servo = model.actuator(joint).id
+    model.actuator_gainprm[servo] *= factor
+    model.actuator_biasprm[servo] *= factor
+    model.actuator_forcerange[servo] *= factor
 
 
 def _rolling_on(robot: Robot, losses: Losses, ground: float) -> Robot:

@@ -22,6 +22,7 @@ from snakegen.simulation.recording.recording import (
     channel,
     held_channel,
 )
+from snakegen.simulation.recording.servo_strength import declared_servos, strength_checks
 from snakegen.simulation.recording.worst_place import judged_verdict
 from snakegen.simulation.run_settings import NOMINAL, RunSettings
 
@@ -98,6 +99,7 @@ def drive(
         "reference_s": plan.reference.duration,
         "stopped": driven.stopped,
         "planned_s": plan.duration,
+        "compliance": plan.compliance,
         "facts": plan.facts,
         "obstacles": [vars(b) for b in plan.obstacles],
     }
@@ -118,7 +120,7 @@ def judge(
     error = recording.channel("state_error").values[0]
     tracking = FROM_PATH if float(np.abs(error).max()) < ON_PATH else FROM_ASIDE
     tracking = {k: v for k, v in tracking.items() if error.size > 3 or "shape" not in k}
-    bounds = DRIVE_THRESHOLDS | tracking | thresholds
+    bounds = DRIVE_THRESHOLDS | strength_checks(found) | tracking | thresholds
     return recording.judged(found, judged_verdict(recording, found, bounds))
 
 
@@ -198,6 +200,8 @@ def _contact(rows: dict[str, Floats], names: "_Names") -> dict[str, Channel]:
     out = {
         "joint_torque": held_channel("joint_torque", rows["torque"], names.joints),
         "joint_command": held_channel("joint_command", rows["asked"], names.joints),
+        "joint_rate": held_channel("joint_rate", rows["joint_rate"], names.joints),
+        "servo_deflection": held_channel("servo_deflection", rows["deflection"], names.joints),
     }
     spatial = [f"{s}_{axis}" for s in names.screws for axis in "xyz"]
     for name, row, labels, unit, group, meaning in (
@@ -242,6 +246,7 @@ def configurations(robot: Robot, base: Floats, joints: Floats) -> Floats:
 def _meta(robot: Robot, names: _Names, meta: dict[str, Any]) -> dict[str, Any]:
     """Returns what the log says about the run beside its signals."""
     efforts = robot.limits(names.joints)[2]
+    softer = dict.fromkeys(pitch_joints(robot), float(meta["compliance"]))
     return {
         "robot": robot.name,
         "version": __version__,
@@ -253,4 +258,6 @@ def _meta(robot: Robot, names: _Names, meta: dict[str, Any]) -> dict[str, Any]:
             "screw_torque": [s.torque for s in robot.modules.screws],
             "screw_rate": rates(robot)[0],
         },
+        "joint_servos": declared_servos(robot, names.joints, softer),
+        "screw_gain": [s.gain for s in robot.modules.screws],
     } | meta

@@ -40,8 +40,9 @@ class Driven:
     Attributes:
         robot, geometry: what drove.
         rows: by name, (T, ·): time, state, desired, command, base (xyz and quaternion xyzw),
-            joints (all of the robot's, its order), rate (screws), slip, and in contact torque
-            (servos), screw_torque, load, cone_use, contact_point, contact_force.
+            joints (all of the robot's, its order), rate (screws), slip, and in contact torque,
+            joint_rate, asked and deflection (servos), screw_torque, load, cone_use, contact_point
+            and contact_force.
         stopped: "" or why the run ended early.
         events: (time, level, text).
     """
@@ -134,7 +135,7 @@ def run_contact(
     drive = ContactDrive(model, geometry.units, yaws, pitch_joints(robot))
     drive.play = hardware.losses.play
     drive.soften(plan.compliance)
-    hardware.change_bodies(model)
+    hardware.change(model)
     cable, tail = CableDrag(hardware.losses), tail_of(robot)
     drive.reset(plan.start)
     ticks = round(plan.duration / PERIOD) + 1
@@ -232,7 +233,9 @@ class _Recorder:
             rate=data.actuator_velocity[drive.screw_servo],
             slip=found.slip,
             torque=data.actuator_force[self.servos],
+            joint_rate=data.actuator_velocity[self.servos],
             asked=data.ctrl[self.servos],
+            deflection=data.ctrl[self.servos] - data.actuator_length[self.servos],
             screw_torque=data.actuator_force[drive.screw_servo],
             load=found.normal,
             cone_use=found.cone_use,

@@ -18,9 +18,10 @@ from snakegen.simulation.drive.hardware import DriveDraw
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.missions import mission
 from snakegen.simulation.missions.options import checked_options
-from snakegen.simulation.monte_carlo import MonteCarlo, Spread, Trial, summary
+from snakegen.simulation.monte_carlo import MonteCarlo, Spread, Trial
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.run_settings import RunSettings
+from snakegen.simulation.trial_loop import run_trials
 
 
 @dataclass(frozen=True)
@@ -72,43 +73,32 @@ def drive_trials(
         progress: called with runs done and runs in all.
 
     Raises:
-        MissionError: the kinematic plant, or interrupted before the first run was finished.
+        MissionError: the kinematic plant, which draws nothing; fewer than one run.
+        KeyboardInterrupt: interrupted before the first run was finished.
     """
     module = mission(name, robot)
     chosen = checked_options(name, module.Options, options or {})
     if getattr(chosen, "plant", "contact") == "kinematic":
         raise MissionError("the kinematic plant draws nothing; trials need plant=contact.")
     spread = DriveSpread.of(robot) if spread is None else spread
-    trials: list[Trial] = []
-    worst: tuple[tuple[bool, float], Recording] | None = None
-    for k in range(count):
-        rng = np.random.default_rng([seed, k])
+
+    def fly(rng: np.random.Generator) -> Recording:
         drawn = spread.draw(rng)
         own = RunSettings(int(rng.integers(2**31)), draw=drawn)
-        recording = module.fly(robot, chosen, own)
-        if str(recording.meta["stopped"]).startswith("interrupted"):
-            break
-        trial = _judged(recording, k, drawn)
-        trials.append(trial)
-        bad = (not trial.passed, _farthest(recording))
-        if worst is None or bad > worst[0]:
-            worst = bad, recording
-        if progress is not None:
-            progress(k + 1, count)
-    if worst is None:
-        raise MissionError("interrupted before the first trial was finished.")
-    found = summary(count, spread, trials)
-    return found, worst[1]
+        out: Recording = module.fly(robot, chosen, own)
+        return out
+
+    return run_trials(fly, _judged, count, seed=seed, spread=spread, progress=progress)
 
 
-def _judged(recording: Recording, number: int, drawn: DriveDraw) -> Trial:
+def _judged(recording: Recording, number: int) -> Trial:
     """Returns the trial of a run; it counts as survived where every check passed."""
     checks = recording.verdict.checks if recording.verdict is not None else ()
     failed = tuple(c.metric for c in checks if not c.passed)
     good = bool(checks) and not failed
     far = {"position_max_m": _farthest(recording), "duration_s": float(recording.time[-1])}
-    stopped, what = str(recording.meta["stopped"]), drawn.to_json()
-    return Trial(number, what, recording.metrics | far, good, good, stopped, failed)
+    stopped, drawn = str(recording.meta["stopped"]), dict(recording.meta["drawn"])
+    return Trial(number, drawn, recording.metrics | far, good, good, stopped, failed)
 
 
 def _farthest(recording: Recording) -> float:

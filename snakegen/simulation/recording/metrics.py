@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from snakegen.simulation.drive.metrics import drive_metrics
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.servo_strength import servo_strength
 from snakegen.simulation.recording.signals import (
     MAY_BE_UNDEFINED,
     Signal,
@@ -54,6 +55,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
     flight = (_tracking, _thrusts, _torques, _clearances, _minima, _energy)
     for part in (*flight, vibration_metrics, drive_metrics):
         out.update(part(recording, start, end))
+    out.update(servo_strength(recording))
     out.update(_of_mission(recording))
     return {key: _plain(value) for key, value in out.items()}
 

@@ -50,6 +50,10 @@ STANDARD: dict[str, Standard] = {
     "joint_angle": Standard("rad", "joints", "joints between links"),
     "joint_command": Standard("rad", "joint command", "commanded angle of each joint"),
     "joint_torque": Standard("N·m", "joint torque", "torque of each joint servo"),
+    "joint_rate": Standard("rad/s", "joint rate", "rate of each joint"),
+    "servo_deflection": Standard(
+        "rad", "servo deflection", "what each joint servo is commanded beside where its joint is"
+    ),
     "sigma_min": Standard(
         "1", "scaled margins", "smallest scaled singular value of the allocation"
     ),

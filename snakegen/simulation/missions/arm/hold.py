@@ -14,7 +14,6 @@ from snakegen import __version__
 from snakegen.analysis import relief
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError, MissionError
-from snakegen.robot.posture import aim_gimbals
 from snakegen.robot.robot import Robot
 from snakegen.simulation.arm.hold import (
     Hold,
@@ -31,15 +30,21 @@ from snakegen.simulation.flight.world import World, make_world
 from snakegen.simulation.monte_carlo import Spread
 from snakegen.simulation.recording.metrics import metrics as measure
 from snakegen.simulation.recording.recording import Recording, channel
+from snakegen.simulation.recording.servo_strength import declared_servos, strength_checks
 from snakegen.simulation.recording.worst_place import judged_verdict
 from snakegen.simulation.run_settings import RunSettings
 from snakegen.statics.joint_torques import finite, joint_torques
-from snakegen.statics.thrust_relief import ThrustMap, least_use, thrust_map
+from snakegen.statics.relieved_posture import (
+    AIMED,
+    RelievedPosture,
+    along_forces,
+    relieved_posture,
+)
+from snakegen.statics.thrust_relief import ThrustMap, thrust_map
 from snakegen.statics.tip import Tip, find_tip, tip_pose
 
 STEP = 0.001  # s
 CLOSE = 0.01  # of a servo's limit: gimbal servos give way, which turns thrusts a little
-AIMED = 1e-3  # rad, that an apparatus may point off its thrust
 STILL = 0.01  # of the arm's length, that the tip may be off (assumed)
 _SIGMAS = 2.5
 
@@ -83,16 +88,15 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
         raise MissionError(str(error)) from None
     q: Floats = robot.configuration(options.posture)
     tip = find_tip(robot)
-    load, wrench = _load(robot, q, tip, force, gravity)
-    reach = thrust_map(robot, q)
-    best = least_use(reach, load)
-    if options.thrust and best.value > 1.0:
-        raise MissionError(
-            f"{robot.name}: servos and thrust do not bear this; {100 * best.value:.3g} % of a "
-            "servo's torque at best."
+    if options.thrust:
+        posture = relieved_posture(
+            robot, q, gravity, lambda at: _load(robot, at, tip, force, gravity)[0]
         )
-    forces = best.forces * float(options.thrust)
-    q = _aimed(robot, q, forces)  # turned gimbals have their weight and their thrust elsewhere
+        q, forces, best = posture.q, posture.relieved.forces, posture.relieved.value
+        _check(robot, posture)
+    else:
+        forces = np.zeros((len(robot.modules.apparatuses), 3))
+        q, best = along_forces(robot, q, forces)[0], None
     reach, (load, wrench) = thrust_map(robot, q), _load(robot, q, tip, force, gravity)
     left = servo_share(reach, forces, load)
     hold = Hold(
@@ -104,7 +108,7 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     held = hold_still(world, hold, plant, settings.progress)
     gap = CLOSE if settings.ideal else CLOSE + _expected_gap(reach, load, forces)
     facts = {
-        "relief": best.value if options.thrust else None,
+        "relief": best,
         "servo_torque_predicted_n_m": left.tolist(),
         "tip_wrench": wrench,
         "thrust_n": hold.thrust.tolist(),
@@ -130,18 +134,19 @@ def _in_link(robot: Robot, tip: Tip) -> Floats:
     return np.asarray(turn.T @ (tip.point - origin))
 
 
-def _aimed(robot: Robot, q: Floats, forces: Floats) -> Floats:
-    """Returns q with gimbals along the forces; those without a force point up."""
-    size = np.linalg.norm(forces, axis=1, keepdims=True)
-    ways = np.where(size > 1e-9, forces / np.maximum(size, 1e-9), [0.0, 0.0, 1.0])
-    aimed, off = aim_gimbals(robot, q, ways)
-    pushing = size[:, 0] > 1e-3 * robot.gimbals.limit
-    if (off[pushing] > AIMED).any():
-        j = int(np.argmax(np.where(pushing, off, 0.0)))
+def _check(robot: Robot, posture: RelievedPosture) -> None:
+    """Raises MissionError where servos and thrust do not bear it, or gimbals cannot aim."""
+    share, off = posture.relieved.value, posture.off
+    if share > 1.0:
+        raise MissionError(
+            f"{robot.name}: servos and thrust do not bear this; {100 * share:.3g} % of a "
+            "servo's torque at best."
+        )
+    if (off > AIMED).any():
+        j = int(np.argmax(off))
         raise MissionError(
             f"the gimbals of {robot.apparatus_names[j]} end {off[j]:.3g} rad from its thrust."
         )
-    return np.asarray(aimed)
 
 
 def _plant(world: World, settings: RunSettings) -> tuple[HoldPlant, dict[str, float]]:
@@ -194,6 +199,8 @@ def _judged(
         "joint_angle": channel("joint_angle", angles[:, world.chain], names),
         "joint_command": channel("joint_command", asked[:, world.chain], names),
         "joint_torque": channel("joint_torque", held.torque, names),
+        "joint_rate": channel("joint_rate", held.rate, names),
+        "servo_deflection": channel("servo_deflection", held.deflection, names),
         "joint_torque_law": channel(
             "joint_torque_law", law, names, unit="N·m", group="joint torque by the law",
             meaning="what `analyze relief` leaves to the servos",
@@ -216,6 +223,7 @@ def _judged(
             "joint_torque": robot.limits(names)[2].tolist(),
             "thrust_max": [r.thrust_max for r in rotors],
         },
+        "joint_servos": declared_servos(robot, names),
         "gravity_m_s2": hold.gravity.tolist(),
         "stopped": held.stopped,
         "planned_s": hold.duration,
@@ -230,7 +238,7 @@ def _judged(
         "joint_torque_use": {"at_most": 0.99},
         "relief_gap_use": {"at_most": gap},
         "position_max_m": {"at_most": STILL * length},
-    }
+    } | strength_checks(found)
     return recording.judged(found, judged_verdict(recording, found, bounds))
 
 

@@ -19,6 +19,7 @@ from snakegen.simulation.flight.postures import driven_joints
 from snakegen.simulation.recording.join import join
 from snakegen.simulation.recording.metrics import metrics as measure
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.servo_strength import strength_checks
 from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS
 from snakegen.simulation.recording.worst_place import judged_verdict
 from snakegen.simulation.run_settings import RunSettings
@@ -88,7 +89,12 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     both = join(driven, flown)
     found = measure(both) | {"completed": not flown.meta["stopped"] and not driven.meta["stopped"]}
     # banking for a step aside is flight, not rolling over
-    bounds = FLIGHT_THRESHOLDS | DRIVE_THRESHOLDS | {"tilt_max_rad": {"at_most": 0.4}}
+    bounds = (
+        FLIGHT_THRESHOLDS
+        | DRIVE_THRESHOLDS
+        | strength_checks(found)
+        | {"tilt_max_rad": {"at_most": 0.4}}
+    )
     return both.judged(found, judged_verdict(both, found, bounds))
 
 
