@@ -1,8 +1,11 @@
 """A whole flight against bare stepping of the same controls, and what its log costs.
 
-Both are flown in turn in one run, in processor time, so that a busy machine weighs on both.
+Both are flown in turn in one run, in processor time, so that a busy machine weighs on both. The
+last lines are of the whole: plan, flight with journal and recording, metrics, verdict and log, as
+`snakegen analyze flight` makes them once it is imported; a thread records while another flies, so
+that its wall time on two quiet cores is below its processor time.
 
-python benchmarks/flight_speed.py [--robot dragon4] [--seconds 10] [--pairs 5]
+python benchmarks/flight_speed.py [--robot dragon4] [--seconds 10] [--pairs 5] [--whole 300]
 """
 
 import argparse
@@ -14,11 +17,12 @@ import mujoco
 import numpy as np
 
 from snakegen.control.controller import flight_controller
-from snakegen.log import write
-from snakegen.robot.robot import load
+from snakegen.log import Journal, write
+from snakegen.robot.robot import Robot, load
 from snakegen.simulation.flight.loop import Flown, fly
 from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections, draw
+from snakegen.simulation.flight.run import run
 from snakegen.simulation.flight.world import World, make_world
 from snakegen.simulation.missions import planned
 from snakegen.simulation.recording.record import record
@@ -50,6 +54,7 @@ def main() -> None:
     parser.add_argument("--robot", default="dragon4")
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--pairs", type=int, default=5)
+    parser.add_argument("--whole", type=float, default=300.0, help="s, of the whole; 0: none")
     given = parser.parse_args()
     robot = load(given.robot)
     plan = planned("hover", robot, 200.0, duration=given.seconds)
@@ -82,6 +87,27 @@ def main() -> None:
         size = path.stat().st_size
     print(f"  recording          {1e6 * made / ticks:8.1f} µs a tick, margins at 10 Hz included")
     print(f"  writing the .rrd   {1e6 * wrote / ticks:8.1f} µs a tick, {size / 1e6:.2f} MB")
+    if given.whole > 0:
+        each = np.median(alone) / ticks
+        with tempfile.TemporaryDirectory(dir=".") as folder:
+            whole_command(robot, given.whole, Path(folder), float(each))
+
+
+def whole_command(robot: Robot, seconds: float, folder: Path, bare_tick: float) -> None:
+    """Prints what a flight from plan to log takes over bare stepping [s a tick] of its ticks."""
+    path = folder / "whole.rrd"
+    for length in (2.0, seconds):  # the first compiles and imports
+        journal = Journal(path)
+        begun, busy = time.perf_counter(), time.process_time()
+        options = {"duration": length}
+        recording = run(robot, "hover", options=options, keep=journal.keep, folder=folder)
+        write(recording, path)
+        journal.remove()
+        taken, spent = time.perf_counter() - begun, time.process_time() - busy
+    alone = bare_tick * len(recording.time)
+    print(f"from plan to log, {seconds:g} s, {len(recording.time)} ticks")
+    print(f"  processor time     {spent:8.2f} s, {spent / alone:.2f} of bare stepping")
+    print(f"  wall               {taken:8.2f} s, {taken / alone:.2f} of bare stepping")
 
 
 if __name__ == "__main__":

@@ -165,14 +165,24 @@ def flights(case: Case, kills: int) -> None:
 
 
 def trials(case: Case, kills: int) -> None:
-    """Killed trials leave the earlier log, or the new one whole."""
+    """Killed trials of two seeds by turns leave the log of the one or of the other, whole."""
+    from snakegen.log import read
+
     words = ("analyze", "flight", "dragon4", "--duration", "2", "--trials", "4", "-o", "t.rrd")
-    within = case.took(*words)
+    sets, within = [], 0.0
+    for seed in ("1", "2"):
+        within = case.took(*words, "--seed", seed)
+        sets.append(read(case.folder / "t.rrd").metrics)
+    case.hold(sets[0] != sets[1], "both seeds give the same")
     for i in range(kills):
-        case.killed(*words, within=1.1 * within)
-        if i % 5 == 4 or i == kills - 1:
+        case.killed(*words, "--seed", "12"[i % 2], within=1.1 * within)
+        case.hold(read(case.folder / "t.rrd").metrics in sets, f"kill {i}: another log")
+        if i % 10 == 9 or i == kills - 1:
             done = case.run("inspect", "t.rrd", "--json")
             case.hold(done.returncode in (0, 3), f"kill {i}: {done.stderr[-200:]}")
+    case.took(*words, "--seed", "1")
+    left = {p.name for p in case.folder.iterdir()} - {"t.rrd"}
+    case.hold(not left, f"left: {left}")
     case.none_running()
 
 

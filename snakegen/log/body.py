@@ -192,13 +192,21 @@ def _log_wind(rec: Any, recording: Recording, view: Scene, columns: list[Any]) -
 def drawable(urdf: str, meshes: Path | None) -> str:
     """Returns the URDF with absolute mesh paths and a colour on every visual.
 
-    rerun drops meshes whose relative path does not lead to a file from the URDF's folder.
+    rerun drops meshes whose relative path does not lead to a file from the URDF's folder. Those
+    that are nowhere are left out here: rerun would warn of each, over several lines.
     """
     robot = ET.fromstring(urdf)
-    for mesh in robot.iter("mesh"):
-        name = mesh.get("filename", "")
-        if meshes is not None and "://" not in name:
-            mesh.set("filename", str((meshes / name).resolve()))
+    for link in robot.iter("link"):
+        for kind in ("visual", "collision"):
+            for shape in link.findall(kind):
+                mesh = shape.find("geometry/mesh")
+                name = "" if mesh is None else mesh.get("filename", "")
+                if mesh is None or meshes is None or "://" in name:
+                    continue
+                path = (meshes / name).resolve()
+                mesh.set("filename", str(path))
+                if not path.is_file():
+                    link.remove(shape)
     grey = " ".join(f"{c / 255:.3f}" for c in style.BARE_LINK) + " 1"
     for visual in robot.iter("visual"):
         if visual.find("material") is None:

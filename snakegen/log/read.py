@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import ExitStack
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from tempfile import SpooledTemporaryFile
+from typing import IO, Any
 
 from snakegen.errors import LogError
 from snakegen.log.checksum import is_sealed
@@ -12,6 +15,8 @@ from snakegen.log.journal import is_journal, journal_of, read_journal
 from snakegen.log.store import decode, format_of
 from snakegen.log.write import ENTITY, SAMPLES, identity
 from snakegen.simulation.recording.recording import Recording
+
+_IN_MEMORY = 1 << 26  # bytes of samples
 
 
 def read(path: str | Path) -> Recording:
@@ -35,7 +40,14 @@ def read(path: str | Path) -> Recording:
     if magic not in (b"RRF2", b"RRIO"):
         raise LogError(f"{path} is not a rerun log (.rrd)")
     sealed = is_sealed(path)
-    header, files, stated = _stored(path)
+    with ExitStack() as stack:
+        return _verified(path, sealed, *_stored(path, stack))
+
+
+def _verified(
+    path: Path, sealed: bool, header: str, files: list[IO[bytes]], stated: str
+) -> Recording:
+    """Returns the recording of a header and its tables, their checksums verified."""
     try:
         if not sealed and format_of(header) > 1:
             raise LogError("its checksum is missing")
@@ -46,16 +58,38 @@ def read(path: str | Path) -> Recording:
         raise LogError(f"{path} cannot be read: {error}") from None
 
 
-def _stored(path: Path) -> tuple[str, list[bytes], str]:
-    """Returns header, Parquet files and the recording's id."""
+def _stored(path: Path, stack: ExitStack) -> tuple[str, list[IO[bytes]], str]:
+    """Returns header, tables (open until `stack` is left) and the recording's id.
+
+    Those of a long run do not stay in memory: they go from rerun's chunks to temporary files.
+    """
     from rerun.chunk import RrdReader
 
+    header: list[str] | None = None
+    files: list[IO[bytes]] | None = None
+    parts: dict[tuple[int, int], tuple[int, int]] = {}  # where they stand, and how long they are
+    heap = stack.enter_context(SpooledTemporaryFile(_IN_MEMORY))  # noqa: SIM115
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a missing end is said in the error below
             reader = RrdReader(path)
             stated = [entry.recording_id for entry in reader.recordings()]
-            chunks = list(reader.store().stream())
+            for chunk in reader.store().stream():
+                place = chunk.entity_path.strip("/")
+                if place != ENTITY and not place.startswith(f"{SAMPLES}/"):
+                    continue
+                found = _components(chunk.to_record_batch())
+                if place == ENTITY:
+                    header = found.get("header", header)
+                    if "columns" in found:  # up to format 2
+                        files = [BytesIO(data) for data in found["columns"]]
+                elif "bytes" in found:
+                    axis, part = place.split("/")[-2:]
+                    data = found["bytes"][0]
+                    parts[int(axis), int(part)] = heap.tell(), len(data)
+                    heap.write(data)
+    except OSError as error:
+        raise LogError(f"{path} cannot be read: {error.strerror or error}") from None
     # rerun raises what its decoder meets, even its own panics: the file is not whole.
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt | SystemExit | MemoryError):
@@ -64,28 +98,15 @@ def _stored(path: Path) -> tuple[str, list[bytes], str]:
         if "without footer" in reason:  # rerun takes it for a file of an old version
             reason = "its end is missing"
         raise LogError(f"{path} is cut short or damaged: {reason}") from None
-    header, files = None, None
-    parts: dict[tuple[int, int], bytes] = {}
-    for chunk in chunks:
-        place = chunk.entity_path.strip("/")
-        if place != ENTITY and not place.startswith(f"{SAMPLES}/"):
-            continue
-        try:
-            found = _components(chunk.to_record_batch())
-            if place == ENTITY:
-                header, files = found.get("header", header), found.get("columns", files)
-            elif "bytes" in found:
-                axis, part = place.split("/")[-2:]
-                parts[int(axis), int(part)] = found["bytes"][0]
-        except (TypeError, IndexError, ValueError) as error:
-            raise LogError(f"{path} is cut short or damaged: {error}") from None
     if header is None:
         raise LogError(f"{path} is a rerun log, but snakegen did not write it")
-    if files is None:  # from format 3 on
-        files = [
-            b"".join(parts[key] for key in sorted(parts) if key[0] == axis)
-            for axis in sorted({key[0] for key in parts})
-        ]
+    if files is None:
+        files = []
+        for number in sorted({key[0] for key in parts}):
+            files.append(stack.enter_context(SpooledTemporaryFile(_IN_MEMORY)))  # noqa: SIM115
+            for key in sorted(key for key in parts if key[0] == number):
+                heap.seek(parts[key][0])
+                files[-1].write(heap.read(parts[key][1]))
     return header[0], files, stated[0]
 
 

@@ -12,7 +12,7 @@ import hashlib
 import io
 import json
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import IO, Any, TypeVar
 
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.base.memory import refuse_beyond
+from snakegen.base.sample_store import LONG, SampleStore, in_pieces
 from snakegen.errors import AnalysisError, LogError
 from snakegen.simulation.recording.recording import Channel, Event, Recording
 from snakegen.simulation.recording.verdict import Verdict
@@ -92,7 +93,9 @@ def encode_into(
     return json.dumps(header, ensure_ascii=False), files
 
 
-def decode(header_text: str, files: list[bytes], *, quick: bool = False) -> Recording:
+def decode(
+    header_text: str, files: Sequence[bytes | IO[bytes]], *, quick: bool = False
+) -> Recording:
     """Returns the recording that `encode` was given, bit for bit.
 
     Raises:
@@ -107,10 +110,11 @@ def decode(header_text: str, files: list[bytes], *, quick: bool = False) -> Reco
             raise LogError(
                 f"log format {header.get('format')}; this snakegen reads formats up to {FORMAT}"
             )
-        if header["sha256"] != [hashlib.sha256(data).hexdigest() for data in files]:
+        opened = [io.BytesIO(each) if isinstance(each, bytes) else each for each in files]
+        if header["sha256"] != [_digest(file) for file in opened]:
             raise LogError("its samples have changed since they were written")
         read = _quick_columns if quick else _columns
-        return _recording(header, [read(data) for data in files])
+        return _recording(header, [read(file) for file in opened])
     except (
         KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError, OSError,
         pa.ArrowException, AnalysisError,
@@ -133,9 +137,7 @@ def _recording(header: dict[str, Any], tables: list[dict[str, Floats]]) -> Recor
     channels = {}
     for name, c in header["channels"].items():
         table = tables[_index(c["axis"])]
-        values = np.empty((len(table["time"]), len(c["columns"])))
-        for j, column in enumerate(c["columns"]):
-            values[:, j] = table[column]
+        values = _beside(table, [table[column] for column in c["columns"]])
         time = table["time"] if c["own_time"] else None
         labels = tuple(_text(label) for label in c["labels"])
         unit, group, meaning = (_text(c[key]) for key in ("unit", "group", "meaning"))
@@ -153,6 +155,19 @@ def _recording(header: dict[str, Any], tables: list[dict[str, Floats]]) -> Recor
         metrics=header["metrics"],
         verdict=None if judged is None else Verdict.from_json(judged),
     )
+
+
+def _beside(table: dict[str, Floats], columns: list[Floats]) -> Floats:
+    """Returns columns of a table side by side (T, k); those of a long run lie on the disk."""
+    count = len(table["time"])
+
+    def rows(part: slice) -> tuple[Floats]:
+        out = np.empty((part.stop - part.start, len(columns)))
+        for j, column in enumerate(columns):
+            out[:, j] = column[part]
+        return (out,)
+
+    return in_pieces(count, rows)[0]
 
 
 def _text(value: Any) -> str:
@@ -237,9 +252,11 @@ def _write_quick(
     file.write(pa.Codec("zstd", compression_level=1).compress(planes, asbytes=True))
 
 
-def _quick_columns(data: bytes) -> dict[str, Floats]:
+def _quick_columns(file: IO[bytes]) -> dict[str, Floats]:
     import pyarrow as pa
 
+    file.seek(0)
+    data = file.read()
     columns, rows = _SHAPE.unpack_from(data)
     size = 8 * columns * rows
     refuse_beyond(float(size), "its samples", "read it where there is more memory")
@@ -249,15 +266,27 @@ def _quick_columns(data: bytes) -> dict[str, Floats]:
     return dict(zip(("time", *(f"c{i}" for i in range(columns - 1))), whole, strict=True))
 
 
-def _columns(data: bytes) -> dict[str, Floats]:
+def _columns(file: IO[bytes]) -> dict[str, Floats]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    with pq.ParquetFile(io.BytesIO(data)) as file:
-        size = 8.0 * file.metadata.num_rows * file.metadata.num_columns
-        refuse_beyond(size, "its samples", "read it where there is more memory")
-        table = file.read()
-    for column in table.schema:
-        if column.type != pa.float64():
-            raise TypeError(f"column {column.name} holds {column.type}")
-    return {name: table[name].to_numpy() for name in table.column_names}
+    file.seek(0)
+    with pq.ParquetFile(file) as table:
+        names, count = table.schema_arrow.names, table.metadata.num_rows
+        for column in table.schema_arrow:
+            if column.type != pa.float64():
+                raise TypeError(f"column {column.name} holds {column.type}")
+        if count <= LONG:
+            refuse_beyond(
+                8.0 * count * len(names), "its samples", "read it where there is more memory"
+            )
+            whole = table.read()
+            return {name: whole[name].to_numpy() for name in names}
+        store, first = SampleStore(), 0
+        columns = store.reserve(count, len(names))
+        for i in range(table.num_row_groups):
+            group = table.read_row_group(i)
+            values = np.column_stack([group[name].to_numpy() for name in names])
+            store.put(columns, first, values)
+            first += len(values)
+        return dict(zip(names, store.array(columns, count).T, strict=True))
