@@ -120,7 +120,7 @@ stress: $(VENV)/dev.stamp ## kills, full disks, damage and Ctrl-C: KILLS cases e
 docs: $(VENV)/docs.stamp ## build the documentation into out/site and run every command it shows
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	$(BIN)/python -m pytest -n 2 -m slow tests/test_docs.py
-	@echo "read it: $(BIN)/python -m http.server -b 127.0.0.1 -d out/site 8000"
+	@echo "read it: out/site/index.html, in a browser"
 
 # The packages hold 280 MB of models; ROBOTS keeps them, else they go to a temporary folder.
 ROBOTS ?=

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +17,8 @@ PYTHON = re.compile(r"```python\n(.*?)```", re.S)
 
 CONSOLE = re.compile(r"```console\n(.*?)```", re.S)
 FILE = re.compile(r"`([\w-]+\.(?:yaml|urdf))`[^`]*?:\n\n```(?:yaml|xml)\n(.*?)```", re.S)
+SITE = Path("out/site")  # as `make docs` builds it
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
 SKIPPED = ("pip install", "snakegen demo")  # the one needs a network, `make demo` runs the other
 
 
@@ -50,6 +53,19 @@ def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
             capture_output=True, text=True, cwd=tmp_path,
         )  # fmt: skip
         assert run.returncode == code, f"{command}\n{run.stdout}{run.stderr}"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
+def test_search_finds_pages_without_a_server() -> None:
+    page = (SITE / "how-to/files.html").resolve().as_uri() + "?q=singularity"
+    command = [
+        str(BROWSER), "--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=8000",
+        "--dump-dom", page,
+    ]  # fmt: skip
+    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    found = re.search(r"(\d+) matching documents", run.stdout)
+    assert found and int(found[1]) >= 2
 
 
 def _with_python() -> list[Path]:
