@@ -28,6 +28,7 @@ from snakegen.simulation.recording.clearance import clearances
 
 RATE = 10_000.0  # Hz
 COARSE = 100.0  # Hz, at which every instant's neighbourhood is looked at first
+GIMBALS = 10.0  # Hz, at which hover's gimbal angles are worked out; certificates hold at any
 SPEED = 2.0  # m/s: no point of a body in these plans is faster (0.3 m/s, 0.3 rad/s, 0.31 rad/s)
 INSTANTS, STARTS = 6, 6  # of the margins
 
@@ -68,9 +69,9 @@ class Bodies:
     """MuJoCo's body along a path, gimbals as hover turns them."""
 
     def __init__(self, robot: Robot, world: World, path: Trajectory) -> None:
-        """Works out gimbal angles at 100 Hz; between them they are interpolated."""
+        """Works out gimbal angles; between instants they are interpolated."""
         self.robot, self.world, self.path = robot, world, path
-        self.grid = np.arange(0.0, path.times[-1] + 1.0 / COARSE, 1.0 / COARSE)
+        self.grid = np.arange(0.0, path.times[-1] + 1.0 / GIMBALS, 1.0 / GIMBALS)
         rows = []
         for t in self.grid:
             data = mujoco.MjData(world.model)
@@ -91,7 +92,7 @@ class Bodies:
         poses = self.path.at(times)
         at = np.searchsorted(self.grid, times, side="right") - 1
         at = np.clip(at, 0, len(self.grid) - 2)
-        share = (times - self.grid[at]) * COARSE
+        share = (times - self.grid[at]) * GIMBALS
         rows = self.rows[at] + share[:, None] * (self.rows[at + 1] - self.rows[at])
         driven = [i for i, n in enumerate(self.robot.joint_names) if n in self._names]
         rows[:, self.world.qpos[driven]] = poses[:, 6:]

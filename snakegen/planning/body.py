@@ -166,27 +166,6 @@ class PlannedBody:
             out += [place.rotation @ e + place.translation for e in ends]
         return np.array(out)
 
-    def grip(self, now: Snapshot) -> float:
-        """Returns the scaled σ_min of the wrench by thrusts and gimbal angles at hover.
-
-        Columns per apparatus, times its limit: along the vertical (thrust), across the rod in the
-        vertical plane (pitch), and across both (roll), that one times the cosine of the link's
-        slope, with which it vanishes beside a vertical link: what noise does to gimbals is its
-        inverse. The last pose looked at by `at_pose` is meant.
-        """
-        m = self.mounts
-        axes = np.array([self.data.oMi[j].rotation for j in m.joint])
-        rod = np.einsum("nij,nj->ni", axes, m.axis)
-        side = np.cross(UP, rod)
-        size = np.maximum(np.linalg.norm(side, axis=1), 1e-9)[:, None]
-        side = side / size
-        ahead = np.cross(side, UP)
-        columns = np.stack([np.broadcast_to(UP, rod.shape), ahead, side * size], axis=1)
-        torques = np.cross(now.points[:, None], columns)
-        full = np.concatenate([columns / self.weight, torques / self.robot.torque_scale], axis=2)
-        full = full * np.asarray(self.sets.high)[:, None, None]
-        return float(np.linalg.svd(full.reshape(-1, 6), compute_uv=False)[-1])
-
     def margins(self, points: Floats, tolerance: float = 1e-2) -> tuple[Floats, Floats]:
         """Returns certified lower bounds of force [N] and torque [N m] margins, (m,) each.
 

@@ -83,7 +83,7 @@ def line_of(chain: Chain, end: End) -> tuple[Floats, Floats, Floats]:
 
 
 def check_end(body: PlannedBody, end: End, name: str, demands: Demands) -> str:
-    """Returns why a body cannot be at an end, "" if it can."""
+    """Returns why a body cannot be at an end, "" if it can; of a free one hover alone counts."""
     now = body.at_pose(pose_of(body, end.q))
     found = body.distances(now.q)
     shapes = body.shapes
@@ -91,6 +91,8 @@ def check_end(body: PlannedBody, end: End, name: str, demands: Demands) -> str:
         ("from obstacles", found[: shapes.outer], demands.clearance + now.slack),
         ("from itself", found[shapes.outer :], 0.0),
     ):
+        if end.free and kind == "from obstacles":
+            continue
         if len(part) and part.min() < least:
             k = int(np.argmin(part)) + (0 if kind == "from obstacles" else shapes.outer)
             a, b = (shapes.labels[i] for i in shapes.pairs[k])

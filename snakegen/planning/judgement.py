@@ -28,7 +28,6 @@ class Judgement:
         miss: m, of the rods from the curve.
         roll: rad, the most that a hovering gimbal rolls while its link is not vertical.
         upright: least cosine of a link's angle with the horizontal.
-        grip: least scaled σ_min of the wrench by thrusts and gimbal angles (`PlannedBody.grip`).
         errors: (6,) m, rad, RMS tracking errors that usual hardware leaves (`tracking`).
         cover: least clearance in standard deviations of these errors.
         where: the two bodies of `clearance`.
@@ -42,7 +41,6 @@ class Judgement:
     miss: float
     roll: float
     upright: float
-    grip: float
     errors: Floats
     cover: float
     where: str
@@ -89,10 +87,9 @@ def judge(seed: Seed, step: float, demands: Demands) -> Judgement:
         first = pose_of(body, seed.start.q, poses[0])
         poses = np.concatenate([_settled(poses[0], first)[::-1], poses])
     outer = body.shapes.outer
-    nows, found, grips = [], [], []
+    nows, found = [], []
     for pose in poses:
         nows.append(body.at_pose(pose))
-        grips.append(body.grip(nows[-1]))
         found.append(body.distances(nows[-1].q))
     gaps = np.array(found)
     clear = gaps[:, :outer].min(axis=1, initial=np.inf) - np.array([n.slack for n in nows])
@@ -112,7 +109,6 @@ def judge(seed: Seed, step: float, demands: Demands) -> Judgement:
         float(misses.max()),
         _roll(body, poses),
         min(float(n.upright.min()) for n in nows),
-        min(grips),
         tracking.rms(errors, few),
         tracking.cover(errors, few, times).sigmas,
         f"{body.shapes.labels[pair[0]]} and {body.shapes.labels[pair[1]]}",

@@ -1,7 +1,7 @@
 """The search: seeds in order of promise, each followed, judged, timed and certified."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -174,36 +174,44 @@ def look(
         clock: s.
     """
     out: list[tuple[float, Seed, Judgement]] = []
+    try:
+        for one, found, worth in _judged(families, demands, until, clock):
+            out.append((worth, one, found))
+            family = one.family
+            said(
+                f"seed {len(out)}: leader {'tip' if family.tip else 'root'}, radius "
+                f"{family.radius:g} m, lean {family.lean:g} rad, waves of {family.wave:g} m: "
+                f"clearance {1e3 * found.clearance:.0f} mm, torque {found.torque:.2g} N m, worth "
+                f"{worth:.2f}"
+            )
+    except KeyboardInterrupt:
+        if not any(worth > -10.0 for worth, _, _ in out):
+            raise
+        said("interrupted: the best so far is taken")
+    return sorted(out, key=lambda row: -row[0])
+
+
+def _judged(
+    families: list[list[Seed]], demands: Demands, until: float, clock: Callable[[], float]
+) -> Iterator[tuple[Seed, Judgement, float]]:
+    """Yields seeds, how they fare and their worth; see `look`."""
     worths = dict.fromkeys(range(len(families)), np.inf)
-    taken = dict.fromkeys(worths, 0)
-    while len(out) < _TRIES and worths:
+    taken, count, good = dict.fromkeys(worths, 0), 0, 0
+    while count < _TRIES and worths:
         k = max(worths, key=lambda i: (worths[i], -i))
         if taken[k] == len(families[k]) or taken[k] >= _EACH:
             del worths[k]
             continue
-        if out and clock() > until:
-            break
-        if sum(w > 0.0 for w, _, _ in out) >= 6 and (taken[k] or len(out) >= _FIRST):
+        late = count > 0 and clock() > until
+        if late or (good >= 6 and (taken[k] or count >= _FIRST)):
             break
         one = families[k][taken[k]]
         taken[k] += 1
-        try:
-            found = judge(one, COARSE, demands)
-        except KeyboardInterrupt:
-            if not any(w > -10.0 for w, _, _ in out):
-                raise
-            said("interrupted: the best so far is taken")
-            break
+        found = judge(one, COARSE, demands)
         worth = found.worth(demands) if found.miss < MISS else -100.0 - found.miss
         worths[k] = worth - 0.1 * taken[k]
-        out.append((worth, one, found))
-        said(
-            f"seed {len(out)}: leader {'tip' if one.family.tip else 'root'}, radius "
-            f"{one.family.radius:g} m, lean {one.family.lean:g} rad, waves of "
-            f"{one.family.wave:g} m: clearance "
-            f"{1e3 * found.clearance:.0f} mm, torque {found.torque:.2g} N m, worth {worth:.2f}"
-        )
-    return sorted(out, key=lambda row: -row[0])
+        count, good = count + 1, good + (worth > 0.0)
+        yield one, found, worth
 
 
 def enough(demands: Demands) -> dict[str, float]:
@@ -216,16 +224,14 @@ def enough(demands: Demands) -> dict[str, float]:
 
 
 def check_places(body: PlannedBody, scene: Scene) -> None:
-    """Refuses a fixed start or goal that cannot be held.
+    """Refuses a start or goal that cannot be held: a free one in no attitude that it may have.
 
     Raises:
         PlanError: which, and by how much.
     """
     for name in ("start", "goal"):
         place: Place = getattr(scene, name)
-        if place.within > 0.0:
-            continue
-        reasons = []
+        reasons: list[str] = []
         for end in ends_of(body, place):
             reasons.append(check_end(body, end, name, scene.demands))
             if not reasons[-1]:

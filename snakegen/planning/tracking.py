@@ -171,18 +171,17 @@ class Tracking:
         for pose, error, time in zip(poses, errors, times, strict=True):
             now = body.at_pose(pose)
             gaps = body.distances(now.q)[: shapes.outer] - now.slack
-            for k in np.flatnonzero(gaps < NEAR):
-                found = body.places.distanceResults[int(k)]
-                near, far = found.getNearestPoint1(), found.getNearestPoint2()
-                normal = np.asarray(far - near)
-                size = float(np.linalg.norm(normal))
-                if size < 1e-9:
-                    normal, size = np.asarray(found.normal), 1.0
-                normal = normal / size
-                arm = np.asarray(near) - pose[:3]
-                toward = normal @ error[:3] + np.cross(arm, normal) @ error[3:]
-                sigma = float(np.linalg.norm(toward))
-                if gaps[k] < best.sigmas * sigma:
-                    a, b = (shapes.labels[i] for i in shapes.pairs[k])
-                    best = Cover(float(gaps[k]) / sigma, sigma, float(time), (a, b))
+            close = np.flatnonzero(gaps < NEAR)
+            if not len(close):
+                continue
+            found = [body.places.distanceResults[int(k)] for k in close]
+            near = np.array([r.getNearestPoint1() for r in found])
+            normal = np.array([r.normal for r in found])  # from the body to the obstacle
+            toward = normal @ error[:3] + np.cross(near - pose[:3], normal) @ error[3:]
+            sigma = np.maximum(np.linalg.norm(toward, axis=1), 1e-9)
+            k = int(np.argmin(gaps[close] / sigma))
+            if gaps[close[k]] < best.sigmas * sigma[k]:
+                a, b = (shapes.labels[i] for i in shapes.pairs[close[k]])
+                least = float(gaps[close[k]] / sigma[k])
+                best = Cover(least, float(sigma[k]), float(time), (a, b))
         return best

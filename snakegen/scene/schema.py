@@ -267,6 +267,11 @@ def _place(item: Any, where: str, ways: list[Opening]) -> Place:
         cog = line[-1] + _BESIDE * out / np.linalg.norm(out)
     else:
         cog = _vector(item, "cog", where)
+    if np.abs(cog).max() > FAR:
+        raise SceneError(
+            f"{where}: cog is {np.abs(cog).max():g} m from the origin; lengths are in metres (as "
+            f"millimetres it is {1e-3 * np.abs(cog).max():g} m)."
+        )
     joints = item.get("joints")
     if joints is not None and not isinstance(joints, dict):
         raise SceneError(f"{where}: joints: a mapping of names to angles, as in joint1_yaw: 0.5.")
