@@ -67,6 +67,7 @@ class Hover:
     voltage_sag: float = 0.0
     apparatuses: tuple[str, ...] = ()
     stream_loss: Mapping[str, float] = field(default_factory=dict)  # by rotor, where 1 % or more
+    stream_share: Mapping[str, float] = field(default_factory=dict)  # η by rotor, where below 1
 
     @property
     def thrust_to_weight(self) -> float:
@@ -112,6 +113,7 @@ class Hover:
             "battery_Wh": energy if np.isfinite(energy) else None,
             "weight_N": self.weight,
             "thrust_to_weight": self.thrust_to_weight,
+            **({"stream_efficiency": dict(self.stream_share)} if self.stream_share else {}),
             **({"lost_in_streams": dict(self.stream_loss)} if self.stream_loss else {}),
             "dual_rotor": {
                 "feasible": self.dual_feasible,
@@ -156,13 +158,18 @@ class Hover:
         ]  # fmt: skip
 
     def _streams(self) -> list[tuple[str, str]]:
-        """Returns the row on rotors in streams: the thrusts above are those of still air."""
+        """Returns the rows on rotors in streams: what the thrusts above include and what not."""
+        rows = []
+        if self.stream_share:
+            least = min(self.stream_share, key=lambda name: self.stream_share[name])
+            have = f"{len(self.stream_share)} rotors have {100 * self.stream_share[least]:.3g} %"
+            rows = [("in streams", f"{have} of their still-air thrust ({least}): counted above")]
         if not self.stream_loss:
-            return []
+            return rows
         worst = max(self.stream_loss, key=lambda name: self.stream_loss[name])
         lost = f"{len(self.stream_loss)} rotors lose up to {100 * self.stream_loss[worst]:.2g} %"
         how = f"of their dual-rotor thrust ({worst}): hover takes more than these thrusts"
-        return [("lost in streams", f"{lost} {how}")]
+        return [*rows, ("lost in streams", f"{lost} {how}")]
 
     def _endurance(self) -> str:
         """Returns power and flight time of the modes that hover."""
@@ -284,6 +291,7 @@ def analyze(robot: Robot, q: Floats) -> Hover:
         voltage_sag=float(robot.modules.plant.get("voltage_sag", 0.1)),
         apparatuses=robot.apparatus_names,
         stream_loss=_stream_loss(robot, a, dual),
+        stream_share=_stream_share(robot),
     )
     if not found.vectored or found.virtual_feasible:
         return found
@@ -291,12 +299,19 @@ def analyze(robot: Robot, q: Floats) -> Hover:
 
 
 def _stream_loss(robot: Robot, a: Allocation, thrust: Floats) -> dict[str, float]:
-    """Returns the share of its thrust that each rotor in a stream loses, of 1 % or more."""
+    """Returns the share, of 1 % or more, that rotors lose to streams of other bodies' rotors."""
     rotors = [r for apparatus in robot.modules.apparatuses for r in apparatus.rotors]
     radius = 0.5 * np.array([max(r.diameter, 1e-6) for r in rotors])
-    lost = 1.0 - kept_in_streams(a.rotor_positions, a.rotor_axes, radius, thrust)
+    apart = robot.rotors.body[:, None] != robot.rotors.body
+    lost = 1.0 - kept_in_streams(a.rotor_positions, a.rotor_axes, radius, thrust, apart)
     named = zip(rotors, lost, strict=True)
     return {r.label: float(x) for r, x in named if x >= _LOST}
+
+
+def _stream_share(robot: Robot) -> dict[str, float]:
+    """Returns the share of its still-air thrust that limits count on, of each rotor in a stream."""
+    rotors = [r for apparatus in robot.modules.apparatuses for r in apparatus.rotors]
+    return {r.label: r.stream_efficiency for r in rotors if r.stream_efficiency < 1.0}
 
 
 def _possible(robot: Robot, q: Floats, a: Allocation) -> bool | None:
@@ -334,10 +349,9 @@ def _reach(
 
 
 def _powers(robot: Robot, dual: Floats, virtual: Floats) -> tuple[float, float]:
-    """Returns the electric power [W] of hover in both modes; a pair shares its force by limits."""
-    rotors = robot.rotors
-    total = np.bincount(rotors.apparatus, weights=rotors.thrust_max)
-    shared = virtual[rotors.apparatus] * rotors.thrust_max / total[rotors.apparatus]
+    """Returns the electric power [W] of hover in both modes; a pair shares its force equally."""
+    owner = robot.rotors.apparatus
+    shared = (virtual / np.bincount(owner))[owner]
     factors = power_factors(robot)
     dual_power, virtual_power = (factors @ np.maximum(t, 0.0) ** 1.5 for t in (dual, shared))
     return float(dual_power), float(virtual_power)

@@ -45,6 +45,7 @@ class Overlap:
     offset: float  # m, from the stream's axis
     covered: float  # share of the reach between touching (0) and centred (1)
     lost: float = 0.0  # share of its thrust that `hit` loses, both rotors at the same disc loading
+    counted: bool = False  # whether limits and drag ratio of `hit` count on a loss
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,8 @@ class Wake:
             return [("wake", f"no rotor stands in another's stream within {self.reach:g} m")]
         shown = [
             ("wake", f"{o.hit} is in the stream of {o.source}, {o.distance:.2f} m downstream "
-                     f"({100 * o.covered:.0f} % covered), loses {100 * o.lost:.2g} % of its thrust")
+                     f"({100 * o.covered:.0f} % covered), loses {100 * o.lost:.2g} % of its thrust"
+                     f"{' (counted in its limits)' if o.counted else ''}")
             for o in self.overlaps[:6]
         ]  # fmt: skip
         if len(self.overlaps) > 6:
@@ -134,7 +136,10 @@ def analyze(robot: Robot, q: Floats, reach: float = 2.0, spread: float = 0.10) -
                 )
                 lost = 1.0 - float(thrust_kept(inflow))
                 covered = 1 - offset / radius
-                found.append(Overlap(source.label, hit.label, distance, offset, covered, lost))
+                together = bool(robot.rotors.body[s] == robot.rotors.body[h])
+                counted = together and hit.stream_efficiency < 1.0
+                pair = (source.label, hit.label)
+                found.append(Overlap(*pair, distance, offset, covered, lost, counted))
     blocked = _blocked(robot, q, a, reach, spread)
     return Wake(tuple(sorted(found, key=lambda o: o.distance)), blocked, reach, spread)
 

@@ -79,7 +79,7 @@ def gimbals_of(robot: ModelFrames, rotors: Rotors) -> Gimbals:
                 f"{robot.apparatus_names[j]}: its rotors push against each other."
             )
         axes[j] = mean / np.linalg.norm(mean)
-        limit[j] = rotors.thrust_max[mine].sum()
+        limit[j] = len(mine) * rotors.thrust_max[mine].min()  # they share a thrust equally
         roll_body[j] = robot.body_of_joint(a.roll) if a.roll else -1
         pitch_body[j] = robot.body_of_joint(a.pitch) if a.pitch else -1
         above = [b for b in (roll_body[j], pitch_body[j]) if b >= 0]

@@ -29,6 +29,7 @@ class Rotor:
     spin: float = 0.0  # +1 counter-clockwise about `axis`, -1, or 0: as the drag ratio says
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, of its disc's centre
     name: str = ""  # of a rotor that shares its link with others
+    stream_efficiency: float = 0.0  # see `robot.stream_losses`; 0: by momentum theory
 
     @property
     def label(self) -> str:

@@ -185,12 +185,19 @@ def _listed_rotor(data: Any, place: str, default: str) -> Rotor:
         link=str(link), axis=(x / norm, y / norm, z / norm), position=position, name=name, **numbers
     )
     if not max(rotor.thrust_min, 0.0) < rotor.thrust_max:  # a negative least one: reversible
+        pulls = rotor.thrust_min < rotor.thrust_max <= 0.0
+        remedy = "turn the axis round" if pulls else "thrust_max must be above 0 and thrust_min"
         raise DescriptionError(
-            f"{place}: thrust limits {rotor.thrust_min:g} … {rotor.thrust_max:g} N are no range."
+            f"{place}: thrust limits {rotor.thrust_min:g} … {rotor.thrust_max:g} N are no range; "
+            f"{remedy}."
         )
-    for key in ("lag", "inertia", "diameter", "speed"):
+    for key in ("lag", "inertia", "diameter", "speed", "stream_efficiency"):
         if getattr(rotor, key) < 0:
             raise DescriptionError(f"{place}.{key}: {getattr(rotor, key):g} is negative.")
+    if rotor.stream_efficiency > 1:
+        raise DescriptionError(
+            f"{place}.stream_efficiency: {rotor.stream_efficiency:g} is no share; write 0 … 1."
+        )
     return rotor
 
 

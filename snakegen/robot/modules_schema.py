@@ -34,6 +34,8 @@ MEANINGS = {
     "spin": "+1 counter-clockwise about the axis, -1, or 0: as the drag ratio says",
     "position": "m, where the thrust acts, in the link's axes",
     "name": "of a rotor that shares its link with others",
+    "stream_efficiency": "share of its still-air thrust that it keeps in the streams of the other "
+    "rotors of its body; 0: by momentum theory",
     "joint": "joint that the servo holds",
     "stiffness": "N m/rad",
     "damping": "N m s/rad",

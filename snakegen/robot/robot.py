@@ -20,6 +20,7 @@ from snakegen.robot.frames import root_link_of
 from snakegen.robot.modules import Modules, from_urdf
 from snakegen.robot.modules_file import from_data, with_servos
 from snakegen.robot.posture import hover_gimbals
+from snakegen.robot.stream_losses import with_stream_losses
 from snakegen.wrench_margins.force_sets import ForceSets
 
 __all__ = ["GRAVITY", "Robot", "load"]
@@ -157,7 +158,7 @@ def from_urdf_text(
             model.armature[model.joints[model.getJointId(part.joint)].idx_v] = part.armature
     robot = Robot(str(model.name), text, path, found, model)
     _ = robot.tree, robot.rotors, robot.gimbals  # a wrong name is an error now, not later
-    return robot
+    return replace(robot, modules=with_stream_losses(found, robot.rotors))
 
 
 def _read_modules(modules: ModulesSource, root: str, world: str | None) -> Modules:

@@ -1,7 +1,7 @@
 """Streams of rotors on other rotors, in NumPy: the twin of `kernels.flight.aerodynamics`."""
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from snakegen.base.geometry import Floats
 
@@ -49,20 +49,23 @@ def thrust_kept(inflow: ArrayLike) -> Floats:
     return np.asarray(x * (mu + x))
 
 
-def kept_in_streams(points: Floats, axes: Floats, radius: Floats, thrust: Floats) -> Floats:
-    """Returns the share (n,) of its thrust that each rotor keeps in the streams of the others.
+def kept_in_streams(
+    points: Floats, axes: Floats, radius: Floats, thrust: Floats, blows: NDArray[np.bool_]
+) -> Floats:
+    """Returns the share (n,) of its thrust that each rotor keeps in the streams of others.
 
     Args:
         points, axes: (n, 3) m and unit, discs and directions of thrust.
         radius: (n,) m.
         thrust: (n,) N in still air; rotors that push nothing blow nothing.
+        blows: (n, n) which rotor (row) blows on which (column); itself it never does.
     """
     away = points[None] - points[:, None]
     down = -np.einsum("rpi,ri->rp", away, axes)
     offset = np.sqrt(np.maximum(np.sum(away**2, axis=2) - down**2, 0.0))
     speed = np.sqrt(np.maximum(thrust, 0.0)) / radius  # of the induced velocity, to a factor
     mean = speed[:, None] * mean_inflow(down, offset, radius[:, None], radius[None])
-    np.fill_diagonal(mean, 0.0)
+    mean[~blows | np.eye(len(points), dtype=bool)] = 0.0
     through = np.sum(mean * (axes @ axes.T), axis=0)
     inflow = np.where(speed > 0, through / np.where(speed > 0, speed, 1.0), 0.0)
     return thrust_kept(np.maximum(inflow, 0.0))

@@ -191,7 +191,8 @@ def air_forces(
 ) -> None:
     """Adds to `applied` (nbody, 6) what the air does at the present state.
 
-    Rotors: ground effect, wind, streams of the other rotors. Links, at a few stations each:
+    Rotors: ground effect, wind, streams of other bodies' rotors (`robot.stream_losses`).
+    Links, at a few stations each:
     ``½ ρ C_d A |v⊥| v⊥`` of the flow across the rod (C_d of a cylinder: Hoerner, Fluid-Dynamic
     Drag). A link does not feel the rotors less for standing in a stream's shadow.
     """
@@ -213,7 +214,7 @@ def air_forces(
         left, radius = given, plant.radius[r]
         if plant.downwash:
             for s in range(count):
-                if s != r:
+                if plant.carrier[s] != plant.carrier[r]:
                     add_jet(
                         plant.air, thrust[s], plant.radius[s], points[s], axes[s], points[r],
                         radius, jet,

@@ -112,6 +112,7 @@ class Plant(NamedTuple):
     drag: float  # coefficient of a rod across the flow
     ground: int  # 1: ground effect over a floor at z = 0
     downwash: int  # 1: streams act on rotors and links
+    carrier: Ints  # (r,) moving body of each rotor: streams within one are in its thrust limits
     give_up: float  # m, distance of the CoG from its target at which a run ends
 
 

@@ -156,6 +156,7 @@ def plant(world: World, plan: Plan, what: Imperfections, dt: float, position_rat
         float(what.drag_coefficient),
         int(bool(what.ground_effect) and floor),
         int(bool(what.downwash)),
+        np.array(robot.rotors.body),
         float(plan.give_up),
     )
 

@@ -94,7 +94,7 @@ def stream_wrench(world: World, q: Floats, thrust: Floats, what: Imperfections) 
     area = np.pi * radius**2
     induced = np.sqrt(thrust / (2.0 * density * area))
     mean = induced[:, None] * mean_inflow(down, offset, radius[:, None], radius[None], JET_SPREAD)
-    np.fill_diagonal(mean, 0.0)
+    mean[robot.rotors.body[:, None] == robot.rotors.body] = 0.0  # in the limits already
     blown = -np.einsum("rp,ri->pi", mean, axes)
     through = -np.sum(blown * axes, axis=1)
     inflow = through / np.maximum(induced, 1e-9)
