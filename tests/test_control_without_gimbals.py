@@ -1,5 +1,6 @@
 """Loops of bodies whose gimbals are absent or turn about one axis: the poles of what flies."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,13 @@ from snakegen.analysis import control
 from snakegen.base.geometry import rotation_from_xyzw, rpy_from_rotation
 from snakegen.control.controller import MODES, flight_controller
 from snakegen.control.gain_sets import gain_set, turned_axes
+from snakegen.control.gains import Gains
 from snakegen.control.gimbal_reach import vectoring_share
 from snakegen.control.poles import flight_loops
 from snakegen.kernels.control.types import DUAL
-from snakegen.simulation.flight.run import run
+from snakegen.simulation.flight.run import prepare, run
+from snakegen.simulation.flight.tilt_budget import tilt_lags
+from snakegen.simulation.flight.trim import SLOW_SECONDS
 
 PLUS = (0.0, 90.0, 180.0, 270.0)
 NONE = (None,) * 4
@@ -129,3 +133,55 @@ def test_the_tick_pitches_for_a_forward_error(tmp_path):
     body = Rigid(arrays, c, np.zeros(0), DUAL)
     track = body.fly(target_at([0.1, 0.0, 0.0]), 12.0, lag=0.035)
     assert track[-1, 0] == pytest.approx(0.1, abs=0.01)
+
+
+def test_integrals_learn_unequal_rotors_within_seconds(tmp_path):
+    """Axes of tilting have integrals of their own; those that gimbals act on keep Table 5's."""
+    usual = Gains()
+    none, some = (
+        gain_set(multirotor(tmp_path, PLUS, tilts=BODIES[body]))
+        for body in ("no gimbals", "about y")
+    )
+    assert np.all(none.force_i[:2] / none.force_p[:2] > 0.1)
+    assert np.all(none.torque_i / none.torque_p >= [1.0, 1.0, 0.5])
+    assert some.force_i[0] == usual.force_i[0] and some.torque_i[1] == usual.torque_i[1]
+    assert some.force_i[1] == none.force_i[1] and some.torque_i[2] == usual.torque_i[2]
+
+
+LIGHT = """<robot name="light"><link name="body"><inertial><mass value="1.3"/><inertia ixx="0.0016"
+ixy="0" ixz="0" iyy="0.0016" iyz="0" izz="0.003"/></inertial></link></robot>"""
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_body_that_unequal_rotors_carry_off_is_trimmed_before_it_hovers(seed, tmp_path):
+    """A sixth of its arms in gyration: 3 % of thrust are 14 rad/s²; untrimmed it leaves."""
+    (tmp_path / "light.urdf").write_text(LIGHT)
+    turns = np.arange(6) * np.pi / 3
+    rotors = [
+        {"link": "body", "position": [0.2 * float(np.cos(a)), 0.2 * float(np.sin(a)), 0.0],
+         "thrust_max": 8, "drag_ratio": 0.016 * (-1) ** k}
+        for k, a in enumerate(turns)
+    ]  # fmt: skip
+    modules = {"floating_root": "body", "link_length": 0.3,
+               "apparatuses": [{"rotors": [r]} for r in rotors]}  # fmt: skip
+    robot = snakegen.load(tmp_path / "light.urdf", modules=modules)
+    flown = run(robot, "hover", seed=seed, options={"duration": 3.0})
+    assert flown.meta["trim_s"] == SLOW_SECONDS and flown.verdict.passed, flown.verdict
+    if seed == 1:
+        asked = run(robot, "hover", seed=seed, options={"duration": 3.0, "trim": 0.0})
+        assert not asked.verdict.passed
+
+
+def test_a_motion_by_tilting_lags_by_its_jerk(tmp_path):
+    """x = A sin ωt: the tilt A ω²/g, and A ω³ τ / K_p behind it."""
+    robot = multirotor(tmp_path, PLUS)
+    ready = prepare(robot, "hover", options={"duration": 10.0, "trim": 0.0})
+    plan, omega = ready.plan, 2.0 * np.pi / 5.0
+    wave = np.zeros((len(plan.time), 3))
+    wave[:, 0] = -0.4 * omega**2 * np.sin(omega * plan.time)
+    place, lean = tilt_lags(ready.controller, replace(plan, acceleration=wave))
+    law = ready.controller.law
+    late = law.torque[2, 1] / law.torque[0, 1]
+    expected = 0.4 * omega**3 * late / law.force[0, 0] / np.sqrt(2.0)
+    np.testing.assert_allclose(place, [expected, 0.0], rtol=1e-3, atol=1e-12)
+    np.testing.assert_allclose(lean, [0.4 * omega**2 / 9.81 / np.sqrt(2.0), 0.0], rtol=2e-3)

@@ -12,8 +12,11 @@ from snakegen.robot.robot import Robot
 ROOT_AXES_UP_TO = 8  # links; longer bodies fly by the middle link's axes (THEORY A6)
 # [1/s², 1/s] of an axis that is moved by tilting the body alone (assumed): Table 5's position loop
 # is as fast as its attitude loop, and unstable through it at any motor lag above 15 ms.
-TILT_FORCE_P, TILT_FORCE_D = 1.5, 2.2
-TILT_TORQUE_P, TILT_TORQUE_D = 30.0, 9.0
+TILT_FORCE_P, TILT_FORCE_I, TILT_FORCE_D = 1.5, 0.2, 2.2
+# Unequal rotors tilt such a body until the integral has learnt them: within 1 s about the axis
+# (assumed; Table 5's 50 s are those of a body whose gimbals bear the difference).
+TILT_TORQUE_P, TILT_TORQUE_I, TILT_TORQUE_D = 30.0, 30.0, 9.0
+FIXED_YAW_I = 5.0  # 1/s³, of a body without gimbals, whose yaw is what its rotors' drag leaves
 
 
 def gain_set(robot: Robot, gains: str | Gains | None = None) -> Gains:
@@ -21,7 +24,8 @@ def gain_set(robot: Robot, gains: str | Gains | None = None) -> Gains:
 
     The default is Table 5, whose k_θ = 0 leaves forward force to the gimbals. Along an axis (x or
     y of the CoG frame) to which no gimbal can turn a thrust the body tilts instead: k_θ or k_φ is
-    1, and the axis has a slower position loop and a faster attitude loop.
+    1, and the axis has a slower position loop and a faster attitude loop, with integrals that learn
+    unequal rotors within seconds.
 
     Raises:
         SpecError: an unknown name.
@@ -41,16 +45,24 @@ def _tilting(robot: Robot) -> dict[str, Any]:
     if forward_axis and sideways:
         return {}
     out: dict[str, Any] = {
-        k: getattr(usual, k).copy() for k in ("force_p", "force_d", "torque_p", "torque_d")
+        f"{what}_{k}": getattr(usual, f"{what}_{k}").copy()
+        for what in ("force", "torque")
+        for k in "pid"
     }
     for turned, axis, about, gain in (
         (forward_axis, 0, 1, "attitude_pitch"),
         (sideways, 1, 0, "attitude_roll"),
     ):
         if not turned:
-            out["force_p"][axis], out["force_d"][axis] = TILT_FORCE_P, TILT_FORCE_D
-            out["torque_p"][about], out["torque_d"][about] = TILT_TORQUE_P, TILT_TORQUE_D
+            for k, place, turn in (
+                ("p", TILT_FORCE_P, TILT_TORQUE_P),
+                ("i", TILT_FORCE_I, TILT_TORQUE_I),
+                ("d", TILT_FORCE_D, TILT_TORQUE_D),
+            ):
+                out[f"force_{k}"][axis], out[f"torque_{k}"][about] = place, turn
             out[gain] = 1.0
+    if not robot.gimbal_names:
+        out["torque_i"][2] = FIXED_YAW_I
     return out
 
 

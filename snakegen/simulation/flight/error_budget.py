@@ -18,12 +18,14 @@ from snakegen.base.geometry import Floats, skew
 from snakegen.base.sample_store import slices
 from snakegen.control.controller import Controller
 from snakegen.control.frame import cog_frame
+from snakegen.control.gain_sets import turned_axes
 from snakegen.kernels.control.types import DUAL
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.robot.robot import GRAVITY, Robot
 from snakegen.simulation.flight.plan import Plan, farthest, gradient
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.postures import place
+from snakegen.simulation.flight.tilt_budget import displacement_left, tilt_lags
 from snakegen.simulation.flight.trim import SETTLING, integral_rates
 
 SIGMAS = 3.0  # standard deviations that clamps allow for
@@ -80,11 +82,15 @@ def sources(
     tilt[:3] = tilt[:3] @ frame.axes
     lever = what.attitude_bias * skew(frame.cog - origin) @ frame.axes
     n = mismatch.shape[1]
+    unequal = accelerations(mismatch)
+    leaning = np.zeros((6, n))
+    if controller.mode == DUAL:  # the body leans against the sideways force of unequal rotors
+        leaning[3:] = frame.axes.T @ skew(np.array([0, 0, 1.0])) @ unequal[:3] / GRAVITY
     return Sources(
-        np.hstack([accelerations(mismatch), what.joint_noise * accelerations(offsets), tilt]),
+        np.hstack([unequal, what.joint_noise * accelerations(offsets), tilt]),
         np.hstack(
             [
-                np.zeros((6, n)),
+                leaning,
                 np.vstack([what.joint_noise * places, np.zeros_like(places)]),
                 np.vstack([lever, what.attitude_bias * np.eye(3)]),
             ]
@@ -134,8 +140,9 @@ def expected_errors(
     ``√(Σ (f Δa/K_p)² + unseen²)`` over sources, RMS over postures. Δa is what has changed since
     the trim, and what a short one leaves (all of it without one); f = √(K_p / 2 K_i T), at most 1,
     what an integral leaves of a constant acceleration over T s. In dual-rotor mode thrusts lean
-    with the body: its attitude error e_R accelerates it sideways by g e_R. Motion adds its lag
-    (`lags`); noise that dithers within a run is not in it.
+    with the body: its attitude error e_R accelerates it sideways by g e_R, and what that moved
+    before a trim ends comes back as slowly as the position loop does (`displacement_left`). Motion adds its
+    lag (`lags`); noise that dithers within a run is not in it.
     """
     if plan.settling > 0.0:
         squares = [np.sum(e**2, axis=1) for e in moving_errors(robot, controller, plan, what)]
@@ -152,19 +159,27 @@ def expected_errors(
     lean = (
         GRAVITY * skew(np.array([0.0, 0.0, 1.0])) if controller.mode == DUAL else np.zeros((3, 3))
     )
+    late = displacement_left(law, trimmed, duration) if trimmed else np.zeros(3)
+    first = lean @ (found[0].acceleration[3:] / gains[3:, None]) / gains[:3, None]
     squares = []
     for s in found:
         error = (1.0 / gains)[:, None] * (s.acceleration - known)
         error *= left[:, None]
         error[:3] += lean @ error[3:] / gains[:3, None]
         squares.append(np.sum(error**2 + s.unseen**2, axis=1))
+        squares[-1][:3] += np.sum((late[:, None] * first) ** 2, axis=1)
     return np.asarray(np.sqrt(np.mean(squares, axis=0) + _lags(robot, controller, plan, what)))
 
 
 def _lags(robot: Robot, controller: Controller, plan: Plan, what: Imperfections) -> Floats:
-    """Returns the squares (6,) of `lags`."""
+    """Returns the squares (6,) of `lags` and, where the body tilts to move, `tilt_lags`."""
     rate = float(robot.modules.control.get("position_rate", 40.0))
-    return np.asarray(lags(controller, plan, what, rate) ** 2)
+    behind = lags(controller, plan, what, rate)
+    tilts = ~np.array(turned_axes(robot))
+    late, leaning = tilt_lags(controller, plan)
+    behind[:2] += late * tilts
+    behind[[4, 3]] += leaning * tilts
+    return np.asarray(behind**2)
 
 
 def moving_errors(

@@ -26,6 +26,7 @@ from snakegen.analysis.allocation import allocation
 from snakegen.base.geometry import Floats
 from snakegen.control.controller import Controller
 from snakegen.control.frame import cog_frame
+from snakegen.kernels.control.types import DUAL
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.error_budget import expected_errors, position_peak, sources
 from snakegen.simulation.flight.plan import Plan, farthest
@@ -98,6 +99,22 @@ def tracking_bounds(
     if stays(plan):
         bounds["hover_sigmas"] = TRIM
     return {name: {"at_most": bound} for name, bound in bounds.items()}
+
+
+def leaves_at_start(robot: Robot, controller: Controller, plan: Plan) -> bool:
+    """Tells whether the default plant carries an untrimmed body further off than bounds allow.
+
+    A body that is light for its rotors' levers (a small radius of gyration) is turned quickly by
+    unequal thrusts, and without gimbals it moves where it tilts.
+
+    Args:
+        robot, controller, plan: of the flight.
+    """
+    expected = expected_errors(robot, controller, plan, Imperfections())
+    factors = FACTORS["", "dual_rotor" if controller.mode == DUAL else "virtual_single_rotor"]
+    most = np.array([MOST["position_rmse_m"], MOST["attitude_rmse_rad"]])
+    sizes = np.linalg.norm(expected.reshape(2, 3), axis=1)
+    return bool(np.any(np.array(factors[:2]) * sizes > most))
 
 
 def trim_sigmas(

@@ -15,14 +15,19 @@ from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.elastic import modal_frequencies
 from snakegen.simulation.flight.error_budget import integral_limits
-from snakegen.simulation.flight.flight_bounds import hover_sigmas, tracking_bounds, trim_sigmas
+from snakegen.simulation.flight.flight_bounds import (
+    hover_sigmas,
+    leaves_at_start,
+    tracking_bounds,
+    trim_sigmas,
+)
 from snakegen.simulation.flight.loop import Flown, fly
 from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections, NoiseStream
 from snakegen.simulation.flight.preflight import check_air, check_references, check_start
 from snakegen.simulation.flight.reference_limits import check_motion
 from snakegen.simulation.flight.scene_geoms import described
-from snakegen.simulation.flight.trim import SECONDS, TrimOption, trimmed
+from snakegen.simulation.flight.trim import TrimOption, trimmed, usual_seconds
 from snakegen.simulation.flight.vibration import OFF, Damping, check_redundancy, hinges
 from snakegen.simulation.flight.world import World, make_world
 from snakegen.simulation.missions import is_file, mission
@@ -238,7 +243,11 @@ def prepare(
     check_references(robot, plan)
     check_motion(robot, controller, plan)
     if isinstance(asked, TrimOption):
-        usual = 0.0 if plan.on_floor else SECONDS
+        untrimmed = plan.on_floor or (
+            getattr(module, "UNTRIMMED", False)
+            and (ideal or not leaves_at_start(robot, controller, plan))
+        )
+        usual = 0.0 if untrimmed else usual_seconds(controller.law)
         plan = trimmed(plan, usual if asked.trim is None else asked.trim)
     check_start(robot, controller, plan, force=getattr(asked, "force", False) is True)
     if plan.tracked:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from snakegen.base.sample_store import in_pieces
 from snakegen.control.gains import Floats
@@ -19,6 +20,8 @@ from snakegen.simulation.flight.plan import Plan
 
 SECONDS = 10.0  # s, five times SETTLING: what is left of an offset is under 1 %
 SETTLING = 2.0  # s, in which an integral settles while trimming
+SLOW_SECONDS = 20.0  # s, where x or y settle by themselves, within QUICK
+QUICK = 8.0  # s, K_p / K_i
 STABLE = 1.0 / 3.0  # of K_p K_d, the K_i at which a lagless loop turns unstable
 
 
@@ -27,8 +30,8 @@ class TrimOption:
     """Option of a mission that may begin with a trim.
 
     Attributes:
-        trim: s of hover before t = 0, in which the integrals run faster; 0: none; if absent 10,
-            but from the floor 0
+        trim: s of hover before t = 0, in which the integrals run faster; 0: none; if absent 10, or
+            20 where the body tilts to move sideways, but from the floor 0
     """
 
     trim: float | None = None
@@ -101,7 +104,8 @@ def integral_rates(law: Law, settling: float = SETTLING) -> Floats:
     """Returns how many times faster each integral (2, 3) runs to settle in time, 1 or more.
 
     ``K_i f = K_p / settling``, at most a third of ``K_p K_d``; where K_i is 0 there is nothing to
-    trim.
+    trim. Along x and y an integral that settles within `QUICK` by itself is not hurried: where the
+    body tilts to move sideways, the attitude loop in between leaves little damping.
 
     Args:
         law: with the gains.
@@ -113,7 +117,18 @@ def integral_rates(law: Law, settling: float = SETTLING) -> Floats:
     for row, (p, i, d) in enumerate((law.force, law.torque)):
         wanted = p * np.minimum(1.0 / settling, STABLE * d)
         out[row] = np.where(i > 0.0, np.maximum(wanted / np.where(i > 0.0, i, 1.0), 1.0), 1.0)
+    out[0, :2][_settles(law)] = 1.0
     return out
+
+
+def usual_seconds(law: Law) -> float:
+    """Returns for how long [s] a mission is trimmed unless asked otherwise."""
+    return SLOW_SECONDS if np.any(_settles(law)) else SECONDS
+
+
+def _settles(law: Law) -> NDArray[np.bool_]:
+    """Returns whether the integrals along x and y settle within `QUICK` by themselves."""
+    return np.asarray(law.force[1, :2] >= law.force[0, :2] / QUICK)
 
 
 def found(law: Law, state: State) -> dict[str, Any]:
@@ -140,7 +155,9 @@ def told(plan: Plan, law: Law, held: dict[str, Any]) -> list[tuple[float, str, s
     if not plan.trim:
         return []
     most = integral_rates(law).max()
-    begun = f"trim in hover: integrals run up to {most:.0f} times faster"
+    begun = "trim in hover"
+    if most >= 1.5:
+        begun += f": integrals run up to {most:.0f} times faster"
     out = [(float(plan.time[0]), "INFO", begun)]
     if held:
         out.append((float(plan.time[plan.trim]), "INFO", f"trimmed: {said(held)}"))

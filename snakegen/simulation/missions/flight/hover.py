@@ -14,6 +14,8 @@ from snakegen.simulation.flight.postures import (
 )
 from snakegen.simulation.flight.trim import TrimOption
 
+UNTRIMMED = True  # shows the start itself, where it stays within the bounds
+
 
 @dataclass(frozen=True)
 class Options(PostureOption, TrimOption):
@@ -22,11 +24,12 @@ class Options(PostureOption, TrimOption):
     Attributes:
         duration: s
         height: m, of the CoG
+        trim: s of hover before t = 0, in which the integrals run faster; if absent none, or 20
+            where unequal rotors would carry the body off at the start
     """
 
     duration: float = 10.0
     height: float = 1.5
-    trim: float = 0.0
 
 
 def applies(robot: Robot) -> bool:
