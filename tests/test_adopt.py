@@ -173,6 +173,35 @@ def test_what_is_no_urdf_is_refused_in_one_line(tmp_path: Path, text: str, words
             call(path)
 
 
+TRI = """<robot name="tri"><link name="body"><inertial><mass value="1.2"/><inertia ixx="0.01"
+ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.02"/></inertial></link><link name="left"/>
+<joint name="left_mount" type="fixed"><parent link="body"/><child link="left"/>
+<origin xyz="0.15 0.2 0"/></joint><link name="right"/><joint name="right_mount" type="fixed">
+<parent link="body"/><child link="right"/><origin xyz="0.15 -0.2 0"/></joint>
+<link name="camera_eye"/><joint name="eye" type="fixed"><parent link="body"/>
+<child link="camera_eye"/><origin xyz="0.2 0 0"/></joint><link name="horn"><inertial>
+<mass value="0.05"/><inertia ixx="1e-5" ixy="0" ixz="0" iyy="1e-5" iyz="0" izz="1e-5"/></inertial>
+</link><joint name="tail_servo" type="revolute"><parent link="body"/><child link="horn"/>
+<origin xyz="-0.3 0 0"/><axis xyz="1 0 0"/><limit lower="-0.7" upper="0.7" effort="1"
+velocity="5"/></joint><link name="rear"/><joint name="rear_mount" type="fixed">
+<parent link="horn"/><child link="rear"/><origin xyz="0 0 0.02"/></joint></robot>"""
+
+
+def test_frames_that_the_others_need_to_hover_are_rotors(tmp_path: Path) -> None:
+    """A tricopter whose tail servo gives one rotor away; a camera's frame is none."""
+    path = tmp_path / "tri.urdf"
+    path.write_text(TRI)
+    made = draft(path)
+    assert [r["link"] for r in rotors(made.data)] == ["left", "right", "rear"]
+    assert [a.get("roll") for a in made.data["apparatuses"]] == [None, None, "tail_servo"]
+    assert sum("frame without mass" in guess for guess in made.guesses) == 2
+    assert "camera_eye" in made.guesses[0]
+    robot = snakegen.load(path, modules=made.data)
+    assert snakegen.margins(robot.configuration()).rank == 4
+    path.write_text(TRI.replace('"-0.3 0 0"', '"0.02 0 0"'))  # the tail alone holds the body
+    assert [r["link"] for r in rotors(draft(path).data)] == ["rear"]
+
+
 def test_frames_that_were_not_taken_are_listed(tmp_path: Path) -> None:
     text = hexarotor().replace("rotor_5", "front")
     (tmp_path / "hexa.urdf").write_text(text)
@@ -245,7 +274,6 @@ def test_rotors_without_links_stand_at_their_positions(
     made = snakegen.convert(tmp_path / "hexa.urdf", tmp_path / "out", modules=modules)
     assert snakegen.compare(made.urdf, made.mjcf, modules=modules).same
     log = ["--mission", "hover", "--duration", "3", "-o", str(tmp_path / "f.rrd"), "--json"]
-    log.append("--ideal")
     urdf = str(tmp_path / "hexa.urdf")
     assert _run(["analyze", "flight", urdf, "--modules", str(modules), *log]) == 0
     assert json.loads(capsys.readouterr().out)["passed"]

@@ -13,7 +13,8 @@ from snakegen.linter.lint import lint, refuse, refuse_mjcf
 from snakegen.linter.xml_tree import parse_xml
 from snakegen.robot.adopted_yaml import Drafted, to_yaml
 from snakegen.robot.motor_plugins import MotorPlugin, motor_plugins
-from snakegen.robot.rotor_evidence import RotorCandidate, UrdfTree, frames_left, rotors, tilting
+from snakegen.robot.rotor_evidence import RotorCandidate, UrdfTree, rotors, tilting
+from snakegen.robot.rotor_frames import frames_left, with_peers
 from snakegen.spec.urdf import read_urdf
 
 _GRAVITY = 9.81  # m/s²
@@ -67,7 +68,7 @@ def draft(urdf: str | Path) -> Adoption:
     if root.find("snakegen") is not None:
         raise DescriptionError(f"{path}: its <snakegen> element names its modules already.")
     tree = UrdfTree(root)
-    found = rotors(tree)
+    found = with_peers(tree, rotors(tree))
     if not found:
         raise DescriptionError(
             f"{path}: no rotor found by name, shaft or mesh; write the modules file by hand "
@@ -162,7 +163,8 @@ class _Draft:
 
     def _rotor(self, k: int) -> dict[str, Any]:
         c, plugin = self.found[k], self.plugins[k]
-        out: dict[str, Any] = {"link": Drafted(c.link, "found by " + ", ".join(c.reasons))}
+        found = Drafted(c.link, "found by " + ", ".join(c.reasons), c.guess)
+        out: dict[str, Any] = {"link": found}
         out["axis"] = Drafted([_clean(x) for x in self.axes[k].value], *self.axes[k].rest)
         low, high = self.thrusts[k]
         if low.value != 0.0:

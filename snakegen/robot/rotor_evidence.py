@@ -43,12 +43,13 @@ class Shaft:
 
 @dataclass(frozen=True)
 class RotorCandidate:
-    """A link that is probably a rotor, with the reasons."""
+    """A link that is probably a rotor, with the reasons; `guess` where they are weak."""
 
     link: str
     shaft: Shaft | None
     points: int
     reasons: tuple[str, ...]
+    guess: bool = False
 
 
 class UrdfTree:
@@ -78,6 +79,18 @@ class UrdfTree:
         """Returns the mass of one link [kg]."""
         part = rigid_body(self.links[link])
         return 0.0 if part is None else part[0]
+
+    @cached_property
+    def centre(self) -> Floats:
+        """(3,) m, the centre of mass with all joints at 0, in the root link's axes."""
+        total, weighted = 0.0, np.zeros(3)
+        for name, node in self.links.items():
+            body = rigid_body(node)
+            if body is not None:
+                pose = self.poses[name]
+                total += body[0]
+                weighted += body[0] * (pose[:3, :3] @ body[1] + pose[:3, 3])
+        return np.asarray(weighted / total if total > 0.0 else weighted)
 
     def parent(self, link: str) -> str | None:
         """Returns the link above, None at the root."""
@@ -184,14 +197,6 @@ def _candidate(tree: UrdfTree, link: str) -> RotorCandidate:
     if frame and above is not None and _TILT.search(above.attrib.get("name", "")):
         points, reasons = points + 2, [*reasons, "frame at the end of a tilting joint"]
     return RotorCandidate(link, shaft, points, tuple(reasons))
-
-
-def frames_left(tree: UrdfTree, found: list[RotorCandidate]) -> list[str]:
-    """Returns the frames without mass at an end of the tree that were not taken for rotors."""
-    taken = {c.link for c in found}
-    taken |= {name for c in found for name in tree.subtree(c.link)}
-    ends = [n for n in tree.links if n not in taken and n != tree.top and not tree.below.get(n)]
-    return [n for n in ends if tree.mass_of(n) == 0.0 and not list(shapes(tree.links[n]))]
 
 
 def tilting(tree: UrdfTree, found: list[RotorCandidate]) -> dict[str, tuple[str, ...]]:
