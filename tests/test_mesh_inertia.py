@@ -8,6 +8,8 @@ import trimesh
 
 from snakegen import lint
 from snakegen.linter import lint as linting
+from snakegen.linter.triangle_solids import enclosed, is_closed, link_triangles, read_stl
+from snakegen.linter.xml_tree import parse_xml
 
 SIZE = np.array([0.4, 0.1, 0.06])
 MASS = 2.0
@@ -103,3 +105,48 @@ def test_a_damaged_or_missing_mesh_is_left_to_its_own_rule(folder: Path, tmp_pat
     assert not any(f.code.startswith("mesh_") for f in lint(urdf(np.diag(EVEN)), folder=tmp_path))
     codes = {f.code for f in lint(urdf(np.diag(EVEN), mesh="gone.stl"), folder=tmp_path)}
     assert codes == {"missing_mesh"}
+
+
+def triangles(mesh: trimesh.Trimesh) -> np.ndarray:
+    return np.asarray(mesh.triangles, np.float32)
+
+
+@pytest.mark.parametrize("text", [False, True])
+def test_closed_stl_solids_are_those_of_trimesh(tmp_path: Path, text: bool) -> None:
+    """Volume and inertia of a hollow, turned, scaled body from its own triangles."""
+    hollow = trimesh.util.concatenate(
+        [trimesh.creation.icosphere(3, 0.2), trimesh.creation.box((0.1, 0.05, 0.04))]
+    )
+    hollow.faces[-12:] = hollow.faces[-12:, ::-1]  # the box is a hole
+    hollow.apply_transform(trimesh.transformations.euler_matrix(0.3, 0.5, -0.2))
+    hollow.export(tmp_path / "h.stl", file_type="stl_ascii" if text else "stl")
+    found = read_stl(tmp_path / "h.stl")
+    assert found is not None and is_closed(found)
+    volume, inertia = enclosed(found.astype(float))
+    assert volume == pytest.approx(hollow.mass_properties.volume, rel=1e-4)
+    np.testing.assert_allclose(inertia, hollow.mass_properties.inertia, rtol=1e-3, atol=1e-7)
+
+
+@pytest.mark.parametrize("fault", ["hole", "twice", "flipped", "nan"])
+def test_what_is_not_closed_is_not_called_so(fault: str) -> None:
+    sound = triangles(trimesh.creation.icosphere(2, 1.0))
+    assert is_closed(sound) and is_closed(sound[::-1])
+    broken = {
+        "hole": sound[1:],
+        "twice": np.concatenate([sound, sound[:1]]),
+        "flipped": np.concatenate([sound[1:], sound[:1, ::-1]]),
+        "nan": np.concatenate([sound[1:], np.full((1, 3, 3), np.nan, np.float32)]),
+    }[fault]
+    assert not is_closed(broken)
+
+
+def test_primitives_beside_a_mesh_count(tmp_path: Path) -> None:
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.stl")
+    shapes = {"sphere radius='0.2'": 4 / 3 * np.pi * 0.008, "box size='.1 .2 .3'": 0.006,
+              "cylinder radius='0.1' length='0.3'": np.pi * 0.003}  # fmt: skip
+    for shape, volume in shapes.items():
+        text = f"<link><visual><geometry><{shape}/></geometry></visual><collision><origin "
+        text += "xyz='1 0 0'/><geometry><mesh filename='box.stl'/></geometry></collision></link>"
+        found = link_triangles(parse_xml(text), lambda name: tmp_path / name)
+        assert found is not None
+        assert enclosed(found)[0] == pytest.approx(0.001 + volume, rel=0.03)

@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
+import numpy as np
+
 from snakegen.linter.finding import Finding, finding, label, numbers, shapes
 from snakegen.linter.xml_tree import Node
 
@@ -120,8 +122,6 @@ def stl_extent(file: Path, size: int, most: int = 2000) -> float | None:
         if size != _STL_HEAD + _STL_TRIANGLE * count:
             return None  # text, or damaged
         data = stream.read(_STL_TRIANGLE * min(count, most))
-    largest = 0.0
-    for start in range(0, len(data) - _STL_TRIANGLE + 1, _STL_TRIANGLE):
-        points = struct.unpack_from("<9f", data, start + 12)
-        largest = max(largest, *map(abs, points))
-    return largest
+    rows = np.frombuffer(data, np.uint8).reshape(-1, _STL_TRIANGLE)
+    points = np.ascontiguousarray(rows[:, 12:48]).view("<f4")
+    return float(np.fmax.reduce(np.abs(points), axis=None, initial=0.0))

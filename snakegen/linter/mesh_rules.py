@@ -1,7 +1,8 @@
 """The rules of the linter about declared inertias against the meshes that a link shows.
 
-yourdfpy reads meshes and primitives of every link as a trimesh scene. A body whose mass lies inside
-the convex hull of its shapes has, about an axis a through its centre of mass c,
+Closed STL meshes and primitives are read by `triangle_solids`, the rest by yourdfpy as a trimesh
+scene. A body whose mass lies inside the convex hull of its shapes has, about an axis a through its
+centre of mass c,
 ``I_a ≤ m · max ‖(p − c) × a‖²`` over the hull's points p: whatever lies above that is no body's.
 """
 
@@ -20,6 +21,7 @@ from snakegen.base.geometry import Floats, rotation_from_rpy
 from snakegen.linter.body_rules import DENSE, THIN
 from snakegen.linter.file_rules import resolve_package
 from snakegen.linter.finding import Finding, finding, label, number, numbers, shapes
+from snakegen.linter.triangle_solids import enclosed, link_triangles
 from snakegen.linter.xml_tree import Node
 
 MAX_BYTES = 50_000_000  # of all mesh files together: larger robots are not measured
@@ -51,9 +53,29 @@ def mesh_inertia_faults(robot: Node, text: str, folder: Path) -> Iterator[Findin
     links = {str(n.attrib.get("name")): n for n in robot.findall("link") if _asked(n)}
     if not links or _bytes(links.values(), folder) > MAX_BYTES:
         return
-    counts = {name: sum(1 for _ in shapes(link)) for name, link in links.items()}
-    for name, solid in _solids(text, folder, counts).items():
+    for name, solid in _every_solid(links, text, folder).items():
         yield from _contradictions(links[name], solid)
+
+
+def _every_solid(links: dict[str, Node], text: str, folder: Path) -> dict[str, Solid]:
+    """Returns what the shapes of links enclose, in their order; trimesh only where it is needed."""
+    out: dict[str, Solid] = {}
+    for name, link in links.items():
+        triangles = link_triangles(link, lambda uri: _file(uri, folder))
+        if triangles is not None:
+            volume, tensor = enclosed(triangles)
+            if volume > 0.0:
+                out[name] = Solid(triangles.reshape(-1, 3), volume, tensor)
+    rest = {n: sum(1 for _ in shapes(link)) for n, link in links.items() if n not in out}
+    if rest and any(_readable(links[name], folder) for name in rest):
+        out |= _solids(text, folder, rest)
+    return {name: out[name] for name in links if name in out}
+
+
+def _readable(link: Node, folder: Path) -> bool:
+    """Tells whether every mesh of a link is at hand."""
+    meshes = [s for s in shapes(link) if s.tag == "mesh"]
+    return all(_file(s.attrib.get("filename", ""), folder) is not None for s in meshes)
 
 
 def _asked(link: Node) -> bool:
