@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 
 import snakegen
 from snakegen.cli import main
@@ -110,6 +111,26 @@ def test_the_new_urdf_stands_alone(arm: Path, tmp_path: Path, monkeypatch) -> No
     assert again.equivalence.worst < 1e-9
     with made.mjcf.open() as one, again.mjcf.open() as other:
         assert one.read() == other.read()
+
+
+@pytest.mark.parametrize("second", ["o far\n", "", "g far\n"])
+def test_every_object_of_an_obj_is_kept(tmp_path: Path, second: str) -> None:
+    """MuJoCo reads the first alone, and of faces with and without texture coordinates some."""
+    texts = []
+    for number, place in enumerate((0.0, 3.0)):
+        box = trimesh.creation.box((1.0, 1.0, 1.0))
+        box.apply_translation((place, 0.0, 0.0))
+        rows = [f"v {x} {y} {z}" for x, y, z in box.vertices]
+        corner = "{}" if number == 0 or second else "{0}/1"
+        rows += ["f " + " ".join(corner.format(k + 8 * number + 1) for k in f) for f in box.faces]
+        texts.append("\n".join(rows) + "\n")
+    (tmp_path / "two.obj").write_text(f"o near\nvt 0 0\n{texts[0]}{second}{texts[1]}")
+    urdf = '<robot name="r"><link name="a"><visual><geometry><mesh filename="two.obj"/></geometry>'
+    urdf += '</visual><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" '
+    (tmp_path / "r.urdf").write_text(urdf + 'izz="1"/></inertial></link></robot>')
+    made = snakegen.convert(tmp_path / "r.urdf", tmp_path / "out")
+    model = mujoco.MjModel.from_xml_path(str(made.mjcf))
+    assert list(model.mesh_facenum) == [24]
 
 
 def test_a_mesh_that_is_too_fine_for_stl_is_written_as_obj(tmp_path: Path) -> None:

@@ -129,6 +129,8 @@ def _draw(ask: dict[str, Any]) -> str:
         model = load_model(Path(ask["mjcf"]))
     except ValueError as error:
         return f"the model cannot be read: {_line(error)}"
+    if model.ngeom == 0:
+        return "the model has no shapes to draw"
     width, height = ask["size"]
     data = mujoco.MjData(model)
     home = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, "home")

@@ -82,8 +82,19 @@ def decorate(
         _sensors(spec, root, modules)
         add_from_rest(spec, root, modules)
     except ValueError as error:
-        raise DescriptionError(f"MuJoCo cannot take the model: {error}") from None
+        raise DescriptionError(_refusal(str(error))) from None
     return spec
+
+
+def _refusal(error: str) -> str:
+    """Returns what MuJoCo's message of a model that it does not take means, and the remedy."""
+    light = re.search(r"larger than mjMINVAL.*Element name '([^']*)'", error, re.S)
+    if light is None:
+        return f"MuJoCo cannot take the model: {error}"
+    return (
+        f"MuJoCo cannot take the model: link '{light[1]}' moves without mass or inertia; give it "
+        "both, or make its joint fixed."
+    )
 
 
 def _options(spec: mujoco.MjSpec) -> None:

@@ -1,8 +1,8 @@
 """A URDF of any origin made ready for MuJoCo's importer: meshes located, its own settings merged.
 
-MuJoCo reads meshes from the current folder, no ``package://`` paths, no COLLADA files, one
-``<mujoco>`` element, and stops at shapes of zero size and at impossible inertias of welded frames.
-The masses that move, joints and names are not touched.
+MuJoCo reads meshes from the current folder, no ``package://`` paths, no COLLADA files, of an OBJ
+the first object alone, one ``<mujoco>`` element, and stops at shapes of zero size and at impossible
+inertias of welded frames. The masses that move, joints and names are not touched.
 """
 
 import io
@@ -168,7 +168,8 @@ def _content(file: Path) -> tuple[str, bytes | None]:
     if file.stat().st_size > MAX_BYTES:
         raise DescriptionError(f"{file}: too large; up to {MAX_BYTES / 1e6:g} MB are read.")
     suffix = file.suffix.lower()
-    if suffix in READ_BY_MUJOCO and not (suffix == ".stl" and _foreign_stl(file)):
+    foreign = {".stl": _foreign_stl, ".obj": _foreign_obj}.get(suffix, lambda _: False)
+    if suffix in READ_BY_MUJOCO and not foreign(file):
         return f"meshes/{file.stem}{suffix}", file.read_bytes()
     import trimesh
 
@@ -193,6 +194,24 @@ def _foreign_stl(file: Path) -> bool:
         head = stream.read(84)
     faces = int.from_bytes(head[80:84], "little")
     return len(head) < 84 or size != 84 + 50 * faces or not 1 <= faces <= _MOST_FACES
+
+
+def _foreign_obj(file: Path) -> bool:
+    """Tells whether MuJoCo would lose faces of an OBJ: it reads the first of several objects.
+
+    And of faces with and without texture coordinates in one file only some.
+    """
+    groups, kinds, here = set(), set(), b""
+    with file.open("rb") as stream:
+        for number, line in enumerate(stream):
+            if line.startswith((b"o ", b"g ")):
+                here = b"%d" % number
+            elif line.startswith(b"f "):
+                groups.add(here)
+                kinds.add(b"//" in line or b"/" not in line)
+                if len(groups) > 1 or len(kinds) > 1:
+                    return True
+    return False
 
 
 def _numbered(name: str) -> list[str]:
