@@ -54,7 +54,7 @@ def main() -> None:
             title = picture(path, Path(made) / str(number), png, share)
             print(f"{path.relative_to(folder)}: {title}")
             axis.imshow(images.imread(png))
-            axis.set_title(title, fontsize=9)
+            axis.set_title(title, fontsize=8)
             axis.axis("off")
         figure.tight_layout()
         figure.savefig(args.out)

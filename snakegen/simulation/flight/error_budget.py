@@ -141,8 +141,8 @@ def expected_errors(
     the trim, and what a short one leaves (all of it without one); f = √(K_p / 2 K_i T), at most 1,
     what an integral leaves of a constant acceleration over T s. In dual-rotor mode thrusts lean
     with the body: its attitude error e_R accelerates it sideways by g e_R, and what that moved
-    before a trim ends comes back as slowly as the position loop does (`displacement_left`). Motion adds its
-    lag (`lags`); noise that dithers within a run is not in it.
+    before a trim ends comes back as slowly as the position loop does (`displacement_left`). Motion
+    adds its lag (`lags`); noise that dithers within a run is not in it.
     """
     if plan.settling > 0.0:
         squares = [np.sum(e**2, axis=1) for e in moving_errors(robot, controller, plan, what)]
