@@ -36,14 +36,14 @@ if TYPE_CHECKING:
     from snakegen.pipeline.build import build
     from snakegen.pipeline.compare import compare
     from snakegen.pipeline.convert import convert
-    from snakegen.robot.adopt import adopt
+    from snakegen.robot.adoption.adopt import adopt
     from snakegen.robot.configuration import Configuration
     from snakegen.robot.robot import Robot, load
     from snakegen.sensitivity.margin_gradient import margin_gradient
     from snakegen.spec.robot_spec import RobotSpec
 
 _HOME = {
-    "adopt": "snakegen.robot.adopt",
+    "adopt": "snakegen.robot.adoption.adopt",
     "build": "snakegen.pipeline.build",
     "compare": "snakegen.pipeline.compare",
     "convert": "snakegen.pipeline.convert",

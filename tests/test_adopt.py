@@ -14,7 +14,7 @@ from snakegen.analysis.allocation import allocation
 from snakegen.base import yaml_file
 from snakegen.cli import main
 from snakegen.errors import DescriptionError
-from snakegen.robot.adopt import draft
+from snakegen.robot.adoption.adopt import draft
 from snakegen.robot.modules import Rotor, Servo
 from snakegen.robot.modules_file import FIELDS
 from snakegen.robot.modules_schema import MEANINGS, schema

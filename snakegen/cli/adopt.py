@@ -26,7 +26,7 @@ def adopt(file: str, out: str | None, as_json: bool) -> None:
       snakegen analyze drone.urdf --modules modules.yaml
     """
     from snakegen.base.atomic_io import write_atomically
-    from snakegen.robot.adopt import draft
+    from snakegen.robot.adoption.adopt import draft
 
     made = draft(file)
     if out is not None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.linter.finding import shapes
-from snakegen.robot.rotor_evidence import RotorCandidate, UrdfTree
+from snakegen.robot.adoption.rotor_evidence import RotorCandidate, UrdfTree
 
 _SENSORS = re.compile(
     r"cam|imu|gps|gnss|lidar|laser|optical|sensor|depth|colou?r|infra|flow|sonar|radar|baro|magnet|"

@@ -11,10 +11,10 @@ from snakegen.errors import DescriptionError
 from snakegen.linter.finding import numbers
 from snakegen.linter.lint import lint, refuse, refuse_mjcf
 from snakegen.linter.xml_tree import parse_xml
-from snakegen.robot.adopted_yaml import Drafted, to_yaml
-from snakegen.robot.motor_plugins import MotorPlugin, motor_plugins
-from snakegen.robot.rotor_evidence import RotorCandidate, UrdfTree, rotors, tilting
-from snakegen.robot.rotor_frames import frames_left, with_peers
+from snakegen.robot.adoption.adopted_yaml import Drafted, to_yaml
+from snakegen.robot.adoption.motor_plugins import MotorPlugin, motor_plugins
+from snakegen.robot.adoption.rotor_evidence import RotorCandidate, UrdfTree, rotors, tilting
+from snakegen.robot.adoption.rotor_frames import frames_left, with_peers
 from snakegen.spec.urdf import read_urdf
 
 _GRAVITY = 9.81  # m/s²
