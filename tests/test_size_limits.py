@@ -3,10 +3,12 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from snakegen.base import yaml_file
-from snakegen.errors import SnakegenError, SpecError
+from snakegen.base import memory, yaml_file
+from snakegen.base.number_table import read_number_table
+from snakegen.errors import AnalysisError, SnakegenError, SpecError
 from snakegen.linter import lint
 from snakegen.robot.robot import load
 from snakegen.spec.payload import locate
@@ -57,3 +59,23 @@ def test_a_urdf_beyond_the_limit_is_refused_unread(tmp_path: Path) -> None:
     with pytest.raises(SnakegenError, match=r"big.urdf: .* MB; up to 100 MB are read"):
         load(path)
     assert os.path.getsize(path) > MAX_BYTES
+
+
+def test_a_table_of_2_gb_is_refused_unread(tmp_path: Path) -> None:
+    path = sparse(tmp_path / "big.csv", 2 * 2**30)
+    with pytest.raises(AnalysisError, match=r"2147 MB; up to 100 MB of CSV .* Parquet"):
+        read_number_table(path)
+
+
+def test_a_parquet_of_many_rows_in_few_bytes_is_refused_unread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = tmp_path / "many.parquet"
+    pq.write_table(pa.table({"x": np.zeros(1_000_000)}), path)
+    assert path.stat().st_size < 50_000 and len(read_number_table(path)) == 1_000_000
+    monkeypatch.setattr(memory, "available", lambda: 10_000_000)
+    with pytest.raises(AnalysisError, match=r"1,000,000 rows .* fewer rows or columns"):
+        read_number_table(path)

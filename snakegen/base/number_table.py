@@ -16,11 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from snakegen.base import yaml_file
 from snakegen.base.atomic_io import replace_whole, require_suffix, write_atomically
+from snakegen.base.memory import refuse_beyond
 from snakegen.errors import AnalysisError, near
 
 Floats = NDArray[np.float64]
 ENDINGS = (".csv", ".parquet", ".yaml", ".yml")
 FORMATS = "CSV, Parquet or YAML, a header naming its columns"  # for help texts
+_MOST_TEXT = 100_000_000  # bytes of a CSV file, whose cells take some ten times as many
 DIGITS = 9  # significant, of numbers written as text
 
 
@@ -113,6 +115,12 @@ def read_number_table(path: str | Path, columns: Sequence[str] = ()) -> NumberTa
 
 
 def _from_csv(path: Path, columns: Sequence[str]) -> NumberTable:
+    size = path.stat().st_size
+    if size > _MOST_TEXT:
+        raise AnalysisError(
+            f"{path}: {size / 1e6:.0f} MB; up to {_MOST_TEXT / 1e6:.0f} MB of CSV are read: write "
+            "it as Parquet."
+        )
     try:
         text = path.read_text(encoding="utf-8-sig").splitlines()
         rows = [(i + 1, r) for i, r in enumerate(csv.reader(text))]
@@ -153,6 +161,9 @@ def _from_parquet(path: Path, _: Sequence[str]) -> NumberTable:
     import pyarrow.parquet
 
     try:
+        kept = pyarrow.parquet.read_metadata(path)
+        size = 8.0 * kept.num_rows * kept.num_columns
+        refuse_beyond(size, f"{path}: {kept.num_rows:,} rows", "fewer rows or columns would fit")
         table = pyarrow.parquet.read_table(path)
     except (OSError, pa.ArrowException) as error:
         reason = str(error).splitlines()[0]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.base.geometry import Floats
-from snakegen.base.number_table import read_number_table
+from snakegen.base.number_table import ENDINGS, read_number_table
 from snakegen.errors import LogError
 from snakegen.log.skeleton import skeleton
 from snakegen.simulation.recording.recording import Recording
@@ -59,6 +59,8 @@ def against(
         LogError: no column that the log has too, or times that the log does not cover.
     """
     file = Path(path)
+    if file.suffix.lower() not in (*ENDINGS, MCAP):
+        raise LogError(f"{file}: measurements' file name ends in {', '.join(ENDINGS)} or {MCAP}.")
     if topics and file.suffix.lower() != MCAP:
         raise LogError(f"{file.name} has no topics, an MCAP file has.")
     logged = _logged(recording)
