@@ -11,12 +11,16 @@ fixed, reversible, free). Of every body in reach of hover it is checked that
   SLSQP;
 - no such search finds any that give a push past the upper bound along its direction.
 
-Printed are the gaps (upper - lower)/upper. Exit 1 where a bound is refuted or not reached.
+Printed are the gaps (upper - lower)/upper, as totals of all bodies so far. Each body is drawn from
+the seed and its number, so that a run with `--out` goes on where it was stopped. Exit 1 where a
+bound is refuted or not reached.
 """
 
 import argparse
+import json
 import sys
 import time
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -28,6 +32,7 @@ from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.vectored import set_margins
 
 LENGTH, WEIGHT = 0.42, 19.62
+SHOWN = 20  # bodies between two lines of totals
 MET = 1e-8  # share of all limits by which a wrench may be missed
 WHOLE = np.array([-np.pi, np.pi])
 SLICES = {"force": slice(0, 3), "torque": slice(3, 6)}
@@ -248,51 +253,85 @@ def check(seed, sets, m, starts):
     return wrong
 
 
+def measure(seed, number, searched, starts):
+    """Returns what is known of one body: a row for the file, None where hover is out of reach."""
+    rng = np.random.default_rng((seed, number))
+    sets, hover = random_body(rng)
+    scale = float(np.linalg.norm(hover))
+    Kept.last.clear()
+    begun = time.process_time()
+    m = set_margins(sets, hover, force_scale=scale, torque_scale=scale * LENGTH, wrench_starts=0)
+    spent = time.process_time() - begun
+    if m.wrench_bounds[1] < 0:
+        return None
+    row = {"body": number, "seconds": spent, "unknown": not m.feasible, "hull": bool(m.hull)}
+    row |= {"gaps": [], "wrong": [], "searched": searched}
+    if m.feasible:
+        row["gaps"] = [
+            float(1.0 - low / high) if high > 1e-9 * scale else 0.0
+            for low, high in (m.force_bounds, m.torque_bounds)
+        ]
+        row["wrong"] = check((seed, number), sets, m, starts) if searched else []
+    return row
+
+
+def totals(rows):
+    """Returns lines on all rows so far."""
+    held_rows = [r for r in rows if not r["unknown"]]
+    wrong = sum(len(r["wrong"]) for r in rows)
+    searched = sum(r["searched"] for r in held_rows)
+    spent = np.mean([r["seconds"] for r in rows]) if rows else np.nan
+    lines = [
+        f"{len(held_rows)} bodies in reach, {len(rows) - len(held_rows)} within the hull but in no "
+        f"pieces; {searched} searched, {wrong} bounds wrong; {spent:.2f} s of one core a body"
+    ]
+    for hull, label in ((False, "convex sets"), (True, "other sets"), (None, "all")):
+        gap = np.array([g for r in held_rows if hull in (None, r["hull"]) for g in r["gaps"]])
+        if gap.size:
+            lines.append(
+                f"{label}: {gap.size} margins, gap median {np.median(gap):.2%}, 95 % within "
+                f"{np.quantile(gap, 0.95):.2%}, 99 % within {np.quantile(gap, 0.99):.2%}, worst "
+                f"{gap.max():.2%}; within 5 %: {np.mean(gap <= 0.05):.1%}, "
+                f"15 %: {np.mean(gap <= 0.15):.1%}"
+            )
+    return lines
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--count", type=int, default=1000, help="bodies in reach of hover")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--first", type=int, default=0, help="number of the first body")
     parser.add_argument("--starts", type=int, default=200)
     parser.add_argument("--every", type=int, default=1, help="search in one body of this many")
     parser.add_argument("--bounds-only", action="store_true", help="no independent searches")
+    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after, all the same")
+    parser.add_argument("--out", type=Path, help="JSON lines, a body each; bodies in it are taken")
     options = parser.parse_args()
     directions.Pool = Kept
-    rng, clock, spent = np.random.default_rng(options.seed), time.time(), 0.0
-    gaps: dict[bool, list[float]] = {False: [], True: []}
-    tried = unknown = wrong = 0
-    while len(gaps[False]) + len(gaps[True]) < 2 * options.count:
-        sets, hover = random_body(rng)
-        tried += 1
-        scale = float(np.linalg.norm(hover))
-        Kept.last.clear()
-        begun = time.process_time()
-        m = set_margins(
-            sets, hover, force_scale=scale, torque_scale=scale * LENGTH, wrench_starts=0
-        )
-        spent += time.process_time() - begun
-        if m.wrench_bounds[1] < 0:
+    kept = options.out.read_text().splitlines() if options.out and options.out.exists() else []
+    rows = [json.loads(line) for line in kept]
+    number = max((r["body"] + 1 for r in rows), default=options.first)
+    clock = time.time()
+    while sum(not r["unknown"] for r in rows) < options.count:
+        if time.time() - clock > 60.0 * options.minutes:
+            print("out of time")
+            break
+        searched = not options.bounds_only and number % options.every == 0
+        row = measure(options.seed, number, searched, options.starts)
+        number += 1
+        if row is None:
             continue
-        if not m.feasible:
-            unknown += 1
-            continue
-        skipped = options.bounds_only or tried % options.every
-        found = [] if skipped else check((options.seed, tried), sets, m, options.starts)
-        wrong += len(found)
-        for line in found:
-            print(f"body {tried}: {line}", flush=True)
-        for low, high in (m.force_bounds, m.torque_bounds):
-            gaps[bool(m.hull)].append(1.0 - low / high if high > 1e-9 * scale else 0.0)
-    print(f"{tried} bodies drawn, {unknown} within the hull but in no pieces, {wrong} bounds wrong")
-    for hull, label in ((False, "convex sets"), (True, "other sets"), (None, "all")):
-        gap = np.array(gaps[False] + gaps[True] if hull is None else gaps[hull])
-        if gap.size:
-            print(
-                f"{label}: {gap.size} margins, gap median {np.median(gap):.2%}, 95 % within "
-                f"{np.quantile(gap, 0.95):.2%}, 99 % within {np.quantile(gap, 0.99):.2%}, worst "
-                f"{gap.max():.2%}; within 5 %: {np.mean(gap <= 0.05):.1%}"
-            )
-    print(f"{1e3 * spent / tried:.2f} ms of one core a body; {time.time() - clock:.0f} s in all")
-    return int(wrong > 0)
+        rows.append(row)
+        if options.out:
+            with options.out.open("a") as file:
+                file.write(json.dumps(row) + "\n")
+        for line in row["wrong"]:
+            print(f"body {row['body']}: {line}", flush=True)
+        if len(rows) % SHOWN == 0:
+            print("\n".join(totals(rows)), flush=True)
+    print("\n".join([*totals(rows), f"{time.time() - clock:.0f} s in this run"]))
+    return int(any(r["wrong"] for r in rows))
 
 
 if __name__ == "__main__":

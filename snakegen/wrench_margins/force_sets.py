@@ -179,6 +179,8 @@ class ForceSets:
             np.zeros((n, 3)),
             self.low / scale[0],
             self.high / scale[0],
+            np.zeros(n, np.int64),
+            np.zeros((n, 1, 3)),
         )
 
     def without(self, lost: ArrayLike) -> "ForceSets":

@@ -13,6 +13,7 @@ import numpy as np
 from snakegen.kernels.core.jit import jit
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.margins.force_sets import SEGMENT, patch_farthest
+from snakegen.kernels.margins.piece_corners import corners_into
 
 FACES = 14  # most of a piece: a wedge's two, a θ limit's one, and a polygon of five a side
 RIGHT = 0.5 * pi - 1e-9
@@ -88,7 +89,8 @@ def pieces_into(anchors, hull, out):
     Args:
         anchors: (n, 3); each piece holds the force of its set's directions nearest to its anchor.
         hull: the sets.
-        out: the same with arrays of its own for faces, normals (n, FACES, 3), axis, low and high.
+        out: the same with arrays of its own for faces, normals (n, FACES, 3), axis, low, high and
+            corners (n, CORNERS, 3).
     """
     u, best = np.empty(3), np.empty(3)
     for j in range(hull.faces.size):
@@ -118,3 +120,4 @@ def pieces_into(anchors, hull, out):
         else:
             out.low[j], out.high[j] = row[11], row[12]
             out.faces[j] = _cone(out, j, row, phi)
+        corners_into(j, out)

@@ -34,6 +34,8 @@ class Sets(NamedTuple):
     axis: Floats  # (n, 3) m, unit, CoG axes
     low: Floats  # (n,) floor along m
     high: Floats  # (n,) largest force
+    corners: Ints  # (n,) of the piece
+    corner: Floats  # (n, k, 3) forces at which its edges meet, CoG axes
 
 
 @bare
@@ -87,43 +89,54 @@ def hull_farthest(j, d, sets, u, f):
 
 
 @bare
-def _try(j, x, y, z, d, sets, best, f):
-    """Takes (x, y, z) as the farthest force if the piece holds it; returns the best product."""
+def inside(j, x, y, z, sets):
+    """Tells whether piece j holds a force no larger than its largest, but for rounding."""
     slack = OUT * sets.high[j]
     m, low = sets.axis[j], sets.low[j]
     if low > 0.0 and m[0] * x + m[1] * y + m[2] * z < low - slack:
-        return best
+        return False
     for i in range(sets.faces[j]):
         a = sets.normals[j, i]
         if a[0] * x + a[1] * y + a[2] * z < -slack:
-            return best
-    along = d[0] * x + d[1] * y + d[2] * z
-    if along > best:
-        best = along
-        f[0], f[1], f[2] = x, y, z
-    return best
+            return False
+    return True
 
 
 @bare
 def piece_farthest(j, d, sets, f):
-    """Writes the force (3,) of piece j that lies farthest along d, CoG axes; their product."""
+    """Writes the force (3,) of piece j that lies farthest along d, CoG axes; their product.
+
+    It is d itself, as long as can be, or else a corner, on a face's arc, or on the floor's rim.
+    """
     m, most, low = sets.axis[j], sets.high[j], sets.low[j]
     rise = m[0] * d[0] + m[1] * d[1] + m[2] * d[2]
     if sets.faces[j] == SEGMENT:
         strength = most if rise > 0.0 else low
         f[0], f[1], f[2] = m[0] * strength, m[1] * strength, m[2] * strength
         return rise * strength
-    best = -np.inf
     size = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     if size > 0.0:
         s = most / size
-        best = _try(j, d[0] * s, d[1] * s, d[2] * s, d, sets, best, f)
-        if best > -np.inf:
-            return best
-    if low <= 0.0:
-        best = _try(j, 0.0, 0.0, 0.0, d, sets, best, f)
-    else:
-        best = _on_floor(j, d, rise, sets, best, f)
+        if inside(j, d[0] * s, d[1] * s, d[2] * s, sets):
+            f[0], f[1], f[2] = d[0] * s, d[1] * s, d[2] * s
+            return size * most
+    best = -np.inf
+    for k in range(sets.corners[j]):
+        v = sets.corner[j, k]
+        along = d[0] * v[0] + d[1] * v[1] + d[2] * v[2]
+        if along > best:
+            best = along
+            f[0], f[1], f[2] = v[0], v[1], v[2]
+    if low > 0.0:
+        wide = sqrt(max(most * most - low * low, 0.0))
+        x, y, z = d[0] - rise * m[0], d[1] - rise * m[1], d[2] - rise * m[2]
+        across = sqrt(x * x + y * y + z * z)
+        s = wide / across if across > 0.0 else 0.0
+        x, y, z = low * m[0] + s * x, low * m[1] + s * y, low * m[2] + s * z
+        along = d[0] * x + d[1] * y + d[2] * z
+        if along > best and inside(j, x, y, z, sets):
+            best = along
+            f[0], f[1], f[2] = x, y, z
     for i in range(sets.faces[j]):
         a = sets.normals[j, i]
         out = a[0] * d[0] + a[1] * d[1] + a[2] * d[2]
@@ -131,53 +144,14 @@ def piece_farthest(j, d, sets, f):
         out = a[0] * x + a[1] * y + a[2] * z  # once more, for what d across the face rounds off
         x, y, z = x - out * a[0], y - out * a[1], z - out * a[2]
         square = x * x + y * y + z * z
-        if square > 1e-28 * size * size:
-            s = most / sqrt(square)
-            best = _try(j, x * s, y * s, z * s, d, sets, best, f)
-        for k in range(i):
-            b = sets.normals[j, k]
-            x, y = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2]
-            z = a[0] * b[1] - a[1] * b[0]
-            square = x * x + y * y + z * z
-            if square < 1e-16:
-                continue
-            s = most / sqrt(square)
-            best = _try(j, x * s, y * s, z * s, d, sets, best, f)
-            best = _try(j, -x * s, -y * s, -z * s, d, sets, best, f)
-            along = m[0] * x + m[1] * y + m[2] * z
-            if low > 0.0 and along * along * most * most >= low * low * square:
-                s = low / along
-                best = _try(j, x * s, y * s, z * s, d, sets, best, f)
-    return best
-
-
-@bare
-def _on_floor(j, d, rise, sets, best, f):
-    """Tries the forces with m · f = floor: the circle's farthest, and its ends on each face."""
-    m, most, low = sets.axis[j], sets.high[j], sets.low[j]
-    wide = sqrt(max(most * most - low * low, 0.0))
-    x, y, z = d[0] - rise * m[0], d[1] - rise * m[1], d[2] - rise * m[2]
-    size = sqrt(x * x + y * y + z * z)
-    s = wide / size if size > 0.0 else 0.0
-    best = _try(j, low * m[0] + s * x, low * m[1] + s * y, low * m[2] + s * z, d, sets, best, f)
-    for i in range(sets.faces[j]):
-        a = sets.normals[j, i]
-        along = a[0] * m[0] + a[1] * m[1] + a[2] * m[2]
-        x, y, z = a[0] - along * m[0], a[1] - along * m[1], a[2] - along * m[2]
-        square = x * x + y * y + z * z
-        if square < 1e-20:
+        if square <= 1e-28 * size * size or most * most * square <= best * max(best, 0.0):
             continue
-        s = low * along / square
-        x, y, z = low * m[0] - s * x, low * m[1] - s * y, low * m[2] - s * z
-        rest = most * most - x * x - y * y - z * z
-        if rest < 0.0:
-            continue
-        s = sqrt(rest / square)
-        p = s * (m[1] * a[2] - m[2] * a[1])
-        q = s * (m[2] * a[0] - m[0] * a[2])
-        r = s * (m[0] * a[1] - m[1] * a[0])
-        best = _try(j, x + p, y + q, z + r, d, sets, best, f)
-        best = _try(j, x - p, y - q, z - r, d, sets, best, f)
+        s = most / sqrt(square)
+        x, y, z = x * s, y * s, z * s
+        along = d[0] * x + d[1] * y + d[2] * z
+        if along > best and inside(j, x, y, z, sets):
+            best = along
+            f[0], f[1], f[2] = x, y, z
     return best
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from snakegen.kernels.core.jit import jit
 from snakegen.kernels.margins.convex_pieces import FACES, pieces_into
 from snakegen.kernels.margins.force_sets import Sets, slack, wrench_into
+from snakegen.kernels.margins.piece_corners import CORNERS
 from snakegen.kernels.margins.ray_casting import _across
-from snakegen.kernels.margins.section_radius import radius
+from snakegen.kernels.margins.section_radius import GAP, outer_radius, polytope, radius, reach
 from snakegen.kernels.margins.set_distance import distance
 from snakegen.kernels.margins.settle_forces import settle, wrench_inverse
 from snakegen.kernels.margins.slice_program import maximise, new_basis, start
@@ -66,23 +67,54 @@ def empty_pieces(hull):
         np.zeros((n, 3)),
         np.zeros(n),
         np.zeros(n),
+        np.zeros(n, np.int64),
+        np.zeros((n, CORNERS, 3)),
     )
 
 
 @jit
-def _slices(sets, hull, hover, tolerance, bounds, twists, counts, low, both):
+def _slices(sets, hull, hover, tolerance, bounds, twists, counts, low, weak, bodies):
     """Measures both slices of convex sets: lowers the upper `bounds`, fills `low` (2,).
 
-    Returns False where a twist proves hover out of the hull's reach.
+    Fills `weak` (2, 6), the twists in which these sets are weakest, and `bodies`. Returns False
+    where a twist proves hover out of the hull's reach.
     """
-    frame, inner, outer = np.eye(3), np.empty(6), np.empty(6)
+    frame, outer = np.eye(3), np.empty(6)
     for k in range(2):
-        low[k] = -np.inf
-        if not both and bounds[1 + k, 1] - bounds[1 + k, 0] <= tolerance * bounds[1 + k, 1]:
-            continue
         low[k], _, above, used = radius(
-            k == 1, sets, hull, hover, frame, tolerance, SUPPORTS, inner, outer
+            k == 1, sets, hull, hover, frame, tolerance, bodies[k], weak[k], outer
         )
+        counts[k] += used
+        if above < bounds[1 + k, 1]:
+            bounds[1 + k, 1] = above
+            twists[1 + k] = outer
+        if above < -OFF:
+            return False
+    return True
+
+
+@jit
+def _no_better(sets, hover, tolerance, low, weak):
+    """Tells whether convex sets reach no farther than `low` (2,) where others are weakest."""
+    for k in range(2):
+        e = weak[k, 3 * k : 3 * k + 3]
+        size = np.sqrt((e**2).sum())
+        if not size > 0.0 or not low[k] >= 0.0:
+            return False
+        above = reach(k == 1, e / size, sets, hover, GAP * tolerance)
+        if above > low[k] * (1.0 + tolerance):
+            return False
+    return True
+
+
+@jit
+def _close_from_above(hull, hover, tolerance, bounds, twists, counts, bodies):
+    """Lowers the upper `bounds` to those of the hulls where they are apart; as `_slices`."""
+    outer = np.empty(6)
+    for k in range(2):
+        if bounds[1 + k, 1] - bounds[1 + k, 0] <= tolerance * bounds[1 + k, 1]:
+            continue
+        above, used = outer_radius(k == 1, hull, hover, tolerance, bodies[k], outer)
         counts[k] += used
         if above < bounds[1 + k, 1]:
             bounds[1 + k, 1] = above
@@ -104,9 +136,9 @@ def _raise(low, bounds):
 
 
 @jit
-def _settled(hull, convex, hover, tolerance, bounds, twists, counts, anchors):
+def _settled(hull, convex, hover, tolerance, bounds, twists, counts, anchors, bodies):
     """Measures pieces about forces that `settle` finds to hold hover; False if out of reach."""
-    inverse, low = wrench_inverse(hull), np.empty(2)
+    inverse, low, weak = wrench_inverse(hull), np.empty(2), np.empty((2, 6))
     for k in range(STARTS):
         for j in range(hull.faces.size):
             for c in range(3):
@@ -115,7 +147,7 @@ def _settled(hull, convex, hover, tolerance, bounds, twists, counts, anchors):
         if settle(hover, hull, inverse, ROUNDS, anchors) > OFF:
             continue
         pieces_into(anchors, hull, convex)
-        if not _slices(convex, hull, hover, tolerance, bounds, twists, counts, low, True):
+        if not _slices(convex, hull, hover, tolerance, bounds, twists, counts, low, weak, bodies):
             return False
         _raise(low, bounds)
         if bounds[1, 0] > -np.inf:
@@ -132,7 +164,10 @@ def posture(hull, hover, tolerance, flat, bounds, twists, counts):
     n = hull.faces.size
     convex, low, anchors = empty_pieces(hull), np.empty(2), np.empty((n, 3))
     twist, nearest, inside = np.empty(6), np.inf, True
+    weak = np.zeros((2, 6))
+    bodies = (polytope(SUPPORTS), polytope(SUPPORTS))
     bounds[:, 0], bounds[:, 1] = -np.inf, np.inf
+    low[:] = -np.inf
     for tried in range(2):
         if tried == 0:
             for j in range(n):
@@ -140,7 +175,9 @@ def posture(hull, hover, tolerance, flat, bounds, twists, counts):
         else:
             ray(hover, hull, hover, tolerance, anchors, twist)
         pieces_into(anchors, hull, convex)
-        inside = _slices(convex, hull, hover, tolerance, bounds, twists, counts, low, True)
+        if tried == 1 and _no_better(convex, hover, tolerance, low, weak):
+            break
+        inside = _slices(convex, hull, hover, tolerance, bounds, twists, counts, low, weak, bodies)
         if not inside:
             break
         _raise(low, bounds)
@@ -153,9 +190,9 @@ def posture(hull, hover, tolerance, flat, bounds, twists, counts):
         if gap <= 0.0:
             break
     if inside and bounds[1, 0] == -np.inf:
-        inside = _settled(hull, convex, hover, tolerance, bounds, twists, counts, anchors)
+        inside = _settled(hull, convex, hover, tolerance, bounds, twists, counts, anchors, bodies)
     if inside and gap > 0.0:
-        inside = _slices(hull, hull, hover, tolerance, bounds, twists, counts, low, False)
+        inside = _close_from_above(hull, hover, tolerance, bounds, twists, counts, bodies)
     if not inside or bounds[1, 0] == -np.inf:
         apart = distance(hull, hover, twist)
         if not inside or apart[0] > OFF:
@@ -204,6 +241,8 @@ def batch(hull, points, frames, spans, hover, tolerance, bounds, twists, ranks, 
             hull.axis,
             hull.low,
             hull.high,
+            hull.corners,
+            hull.corner,
         )
         basis, _ = subspace(span_columns(sets, spans), RANK_TOLERANCE)
         ranks[i], counts[i], twists[i] = basis.shape[1], 0, np.nan

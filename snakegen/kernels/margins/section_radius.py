@@ -3,9 +3,12 @@
 As `sandwich`, for convex sets of any kind: see `slice_program`.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from snakegen.kernels.core.jit import jit
+from snakegen.kernels.core.types import Floats, Ints
 from snakegen.kernels.margins.force_sets import slack
 from snakegen.kernels.margins.inner_radius import insert, simplex
 from snakegen.kernels.margins.slice_program import maximise, new_basis, refresh, start
@@ -14,6 +17,29 @@ POINTS = 300  # then the search says that it did not close
 GAP = 0.1  # of the tolerance: of one support
 FLAT = 1e-9  # share of the largest wrench below which a slice has no thickness
 FRESH = 8  # supports between two inversions of the basis
+USED, COUNT, WEAKEST = range(3)  # of a polytope's state
+
+
+class Polytope(NamedTuple):
+    """A polytope in a slice, grown from inside; its arrays are used over and over."""
+
+    points: Floats  # (k, 3) from hover
+    facets: Ints  # (2k, 3) corners
+    planes: Floats  # (2k, 4) unit normals and offsets
+    edges: Ints  # (6k, 2) work space
+    state: Ints  # (3,) points, facets, and the facet nearest to hover
+
+
+@jit
+def polytope(most):
+    """Returns an empty polytope of up to `most` supports."""
+    return Polytope(
+        np.empty((most + 4, 3)),
+        np.empty((2 * most + 16, 3), np.int64),
+        np.empty((2 * most + 16, 4)),
+        np.empty((6 * most + 24, 2), np.int64),
+        np.zeros(3, np.int64),
+    )
 
 
 @jit
@@ -26,7 +52,36 @@ def section(torque):
 
 
 @jit
-def radius(torque, sets, hull, hover, frame, tolerance, most, worst, outer):
+def _point(torque, forces, sets, hover, out):
+    """Writes to `out` (3,) where forces (n, 3) lie in the slice, from hover; its largest part."""
+    part = 3 if torque else 0
+    for c in range(3):
+        out[c] = -hover[part + c]
+    for j in range(sets.faces.size):
+        x, y, z = sets.points[j, 0], sets.points[j, 1], sets.points[j, 2]
+        f = forces[j]
+        if torque:
+            out[0] += y * f[2] - z * f[1] + sets.points[j, 3] * f[0]
+            out[1] += z * f[0] - x * f[2] + sets.points[j, 3] * f[1]
+            out[2] += x * f[1] - y * f[0] + sets.points[j, 3] * f[2]
+        else:
+            for c in range(3):
+                out[c] += f[c]
+    return max(abs(out[0]), abs(out[1]), abs(out[2]))
+
+
+@jit
+def reach(torque, normal, sets, hover, gap):
+    """Returns an upper bound of how far convex sets reach along a direction (3,) of a slice."""
+    n, part = sets.faces.size, 3 if torque else 0
+    held, basis, cost = section(torque), new_basis(3, n), np.zeros(6)
+    cost[part : part + 3] = normal
+    start(held, sets, hover, basis)
+    return maximise(cost, held, hover, sets, gap, basis, np.empty((n, 3)), np.empty(6))[1]
+
+
+@jit
+def radius(torque, sets, hull, hover, frame, tolerance, body, worst, outer):
     """Returns (lower, upper, hull's upper, supports) of a slice's inner radius.
 
     Args:
@@ -36,21 +91,21 @@ def radius(torque, sets, hull, hover, frame, tolerance, most, worst, outer):
         hover: (6,) scaled.
         frame: (3, 3) orthonormal rows to start with.
         tolerance: relative gap at which to stop.
-        most: supports after which to stop all the same.
+        body: from `polytope`, filled anew: its size is the most supports after which to stop.
         worst, outer: (6,), filled: the twists of the two upper bounds.
 
     Returns:
         ``upper < 0`` proves hover out of reach; lower is -inf where it fails.
     """
     n, part = sets.faces.size, 3 if torque else 0
+    points, facets, planes, edges, state = body
+    most = len(points) - 4
     held, basis = section(torque), new_basis(3, n)
-    points, forces = np.empty((most + 4, 3)), np.empty((n, 3))
-    facets = np.empty((2 * most + 16, 3), np.int64)
-    planes, edges = np.empty((2 * most + 16, 4)), np.empty((6 * most + 24, 2), np.int64)
-    cost, twist, normal = np.zeros(6), np.zeros(6), np.zeros(3)
+    cost, twist, normal, forces = np.zeros(6), np.zeros(6), np.zeros(3), np.empty((n, 3))
     start(held, sets, hover, basis)
     upper, beyond, size, count, lower = np.inf, np.inf, 0.0, 0, -np.inf
     first = second = third = fourth = used = weakest = tries = 0
+    state[:] = 0
     while used < most:
         if used < 6:
             sign = 1.0 if used % 2 == 0 else -1.0
@@ -88,27 +143,57 @@ def radius(torque, sets, hull, hover, frame, tolerance, most, worst, outer):
             outer[:] = twist
         if below == -np.inf or upper < -FLAT * max(size, 1e-3):
             return -np.inf, upper, beyond, used
-        for c in range(3):
-            points[used, c] = -hover[part + c]
-        for j in range(n):
-            x, y, z = sets.points[j, 0], sets.points[j, 1], sets.points[j, 2]
-            f = forces[j]
-            if torque:
-                points[used, 0] += y * f[2] - z * f[1] + sets.points[j, 3] * f[0]
-                points[used, 1] += z * f[0] - x * f[2] + sets.points[j, 3] * f[1]
-                points[used, 2] += x * f[1] - y * f[0] + sets.points[j, 3] * f[2]
-            else:
-                for c in range(3):
-                    points[used, c] += f[c]
-        for c in range(3):
-            size = max(size, abs(points[used, c]))
+        size = max(size, _point(torque, forces, sets, hover, points[used]))
         used += 1
         if count > 0:
             if below - lower <= 1e-12 * size:
                 break
             count, weakest = insert(points, used - 1, facets, planes, count, edges, 1e-13 * size)
             lower = planes[weakest, 3]
+    state[USED], state[COUNT], state[WEAKEST] = used, count, weakest
     return lower, upper, beyond, used
+
+
+@jit
+def outer_radius(torque, hull, hover, tolerance, body, outer):
+    """Returns (upper bound of a slice's inner radius, supports), `outer` (6,) its twist.
+
+    Args:
+        hull: convex sets.
+        body: a polytope in their slice, from `radius` of sets inside them; grown, or grown anew
+            where it is empty.
+    """
+    n, part, twist, other = hull.faces.size, 3 if torque else 0, np.zeros(6), np.zeros(6)
+    points, facets, planes, edges, state = body
+    used, count, weakest = state
+    if count == 0:
+        _, upper, _, used = radius(
+            torque, hull, hull, hover, np.eye(3), tolerance, body, outer, other
+        )
+        return upper, used
+    held, basis = section(torque), new_basis(3, n)
+    cost, forces, begun = np.zeros(6), np.empty((n, 3)), used
+    start(held, hull, hover, basis)
+    upper, size = np.inf, np.abs(points[:used]).max()
+    while used < len(points) - 4:
+        lower = planes[weakest, 3]
+        if upper < np.inf and upper - lower <= tolerance * upper:
+            break
+        for c in range(3):
+            cost[part + c] = planes[weakest, c]
+        if used % FRESH == FRESH - 1:
+            refresh(held, basis)
+        below, above = maximise(cost, held, hover, hull, GAP * tolerance, basis, forces, twist)
+        if above < upper:
+            upper = above
+            outer[:] = twist
+        if below - lower <= 1e-12 * size:
+            break
+        size = max(size, _point(torque, forces, hull, hover, points[used]))
+        used += 1
+        count, weakest = insert(points, used - 1, facets, planes, count, edges, 1e-13 * size)
+    state[USED], state[COUNT], state[WEAKEST] = used, count, weakest
+    return upper, used - begun
 
 
 @jit
