@@ -224,7 +224,7 @@ def witnessed(sets, hover, u, t):
         start, end = pool.span(k, e)
         if start <= goal <= end and end > start:
             share = (goal - start) / (end - start)
-            f = (1.0 - share) * pool.reach(k, -e)[1] + share * pool.reach(k, e)[1]
+            f = (1.0 - share) * pool.begin(k, e)[1] + share * pool.reach(k, e)[1]
             missed = wrench(sets, angles_of(sets, scale[0] * f)) - hover - t * u
             if np.abs(missed / np.repeat(scale, 3)).max() < 10 * MET:
                 return True

@@ -9,9 +9,8 @@ Everything is scaled: forces by F0, lengths by T0/F0.
 import numpy as np
 
 from snakegen.kernels.core.jit import jit
-from snakegen.kernels.margins.convex_pieces import FACES, pieces_into
+from snakegen.kernels.margins.convex_pieces import CORNERS, FACES, pieces_into
 from snakegen.kernels.margins.force_sets import Sets, slack, wrench_into
-from snakegen.kernels.margins.piece_corners import CORNERS
 from snakegen.kernels.margins.ray_casting import _across
 from snakegen.kernels.margins.section_radius import GAP, outer_radius, polytope, radius, reach
 from snakegen.kernels.margins.set_distance import distance

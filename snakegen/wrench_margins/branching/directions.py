@@ -25,14 +25,16 @@ from snakegen.wrench_margins.branching.triangle import triangle_distance
 from snakegen.wrench_margins.force_sets import patch_row
 
 Floats = NDArray[np.float64]
-RAYS = 12000  # of one slice from below: up to two seconds
+RAYS = (12_000, 60_000)  # of one slice from below: a second, and five where bounds stay apart
+WIDE = 0.01  # relative gap that is worth five
 HELD = 1e-9  # scaled, by which hover may be missed
 SETTLE = 200  # projections on the way to forces that give a wrench
+BACK = 1e-7  # share of a reach that is left out where the beginning is shot from there
 HELD_FORCES = 1e-7  # scaled, by which those may miss it
 SHRUNK = (0.1, 0.02, 0.0)  # of the sets' ranges, within which those are looked for first
 # share of the way to the upper bound at which forces are looked for; random forces to begin with
-NARROW = 0.3  # widest side of a triangle for which random forces are tried
-SEARCHES = ((0.02, 0), (0.3, 0), (1.0, 0), (0.002, 0), (0.02, 2), (0.002, 2))
+SEARCHES = ((0.02, 0), (0.3, 0), (1.0, 0), (0.02, 6), (-0.1, 6), (0.3, 6), (1.0, 6))
+PASSED_ON = 12  # products that reach far, which parts of a triangle begin with too
 
 
 @dataclass(eq=False)
@@ -63,15 +65,36 @@ class Pool:
             self.known[key] = self._shoot(sets, e)
         return self.known[key]
 
+    def begin(self, index: int, e: Floats) -> tuple[float, Floats]:
+        """Returns (t, forces): where product `index` begins along e, inf where it holds nothing.
+
+        Shot back from the end: seen from there the answer is not negative, as rays want it.
+        """
+        key = (index, b"back" + e.tobytes())
+        if key not in self.known:
+            end, forces = self.reach(index, e)
+            if end > -np.inf:
+                end -= BACK * abs(end)
+                back, forces = self._shoot(self.products[index], -e, end * e)
+                begun = end - max(back, 0.0)
+                if 0.0 < begun < 2.0 * GAP * end:  # at hover, but for the ray's own gap
+                    begun = min(begun, -self.reach(index, -e)[0])
+                self.known[key] = begun, forces
+            else:
+                self.known[key] = np.inf, forces
+        return self.known[key]
+
     def span(self, index: int, e: Floats) -> tuple[float, float]:
         """Returns the least and the largest t with ``hover + t e`` in product `index`."""
-        return -self.reach(index, -e)[0], self.reach(index, e)[0]
+        return self.begin(index, e)[0], self.reach(index, e)[0]
 
-    def _shoot(self, sets: Sets, e: Floats) -> tuple[float, Floats]:
+    def _shoot(self, sets: Sets, e: Floats, moved: Floats | float = 0.0) -> tuple[float, Floats]:
         u, twist, forces = np.zeros(6), np.empty(6), np.empty((sets.faces.size, 3))
         u[self.part] = e
+        origin = self.hover.copy()
+        origin[self.part] += moved
         self.rays += 1
-        low, _ = ray(u, sets, self.hover, GAP, forces, twist)
+        low, _ = ray(u, sets, origin, GAP, forces, twist)
         return low, forces
 
     def add(self, anchors: Floats, e: Floats) -> int:
@@ -90,7 +113,7 @@ class Pool:
         met = {index}
         for _ in range(3):
             t, forces = self.reach(index, e)
-            held = self.reach(index, -e)[1]
+            held = self.begin(index, e)[1]
             found = {self.add(forces, e), self.add(forces + held, e)} - {-1}
             met |= found
             index = max(met, key=lambda i: self.reach(i, e)[0])
@@ -161,36 +184,54 @@ def holding_anchors(
     return out
 
 
-def raise_lower(
-    hull: Sets, hover: Floats, part: slice, anchors: list[Floats], bounds: Floats
-) -> Floats:
-    """Raises the lower one of a slice's `bounds` (2,); returns directions (k, 3) of its limit."""
+@dataclass(eq=False)
+class Cover:
+    """Triangles of directions, the one covered least first, and the products that cover them."""
+
+    pool: Pool
+    heap: list[tuple[float, int, Floats, tuple[int, ...]]]
+    count: int
+
+
+def begin_cover(hull: Sets, hover: Floats, part: slice, anchors: list[Floats]) -> Cover | None:
+    """Returns the octants of a slice, covered by products about `anchors`; None if none holds."""
     pool = Pool(hull, hover, part)
     axes = np.vstack([np.eye(3), -np.eye(3)])
     for anchor in anchors:
         for e in axes:
             pool.add(anchor, e)
     if not pool.products:
-        return axes[2:3]
+        return None
     heap: list[tuple[float, int, Floats, tuple[int, ...]]] = []
     for x, y, z in product((0, 3), (1, 4), (2, 5)):
         corners = axes[[x, y, z]]
         t, best = _best(pool, corners, range(len(pool.products)))
         heap.append((t, len(heap), corners, best))
     heapq.heapify(heap)
-    count = len(heap)
+    return Cover(pool, heap, len(heap))
+
+
+def raise_lower(cover: Cover, bounds: Floats, rays: int) -> Floats:
+    """Raises the lower one of a slice's `bounds` (2,); returns directions (k, 3) of its limit.
+
+    Args:
+        cover: from `begin_cover` or the call before, refined.
+        bounds: scaled, updated.
+        rays: most that the cover's pool may have shot then.
+    """
+    pool, heap = cover.pool, cover.heap
     goal = bounds[1] * (1.0 - ENOUGH)
-    while pool.rays < RAYS and heap[0][0] < goal:
-        before, _, corners, chain = heapq.heappop(heap)
+    while pool.rays < rays and heap[0][0] < goal:
+        before, _, corners, near = heapq.heappop(heap)
         i, k = max(((0, 1), (1, 2), (2, 0)), key=lambda p: -corners[p[0]] @ corners[p[1]])
         middle = corners[i] + corners[k]
         middle /= np.linalg.norm(middle)
         for at in (i, k):
             half = corners.copy()
             half[at] = middle
-            t, best = _cover(pool, half, chain, goal, bounds[1])
-            count += 1
-            heapq.heappush(heap, (max(t, before), count, half, best))
+            t, best = _cover(pool, half, near, goal, bounds[1])
+            cover.count += 1
+            heapq.heappush(heap, (max(t, before), cover.count, half, best))
     bounds[0] = max(bounds[0], min(heap[0][0], bounds[1]))
     return _looked_at(heap[0][2])
 
@@ -202,17 +243,16 @@ def _looked_at(corners: Floats) -> Floats:
 
 
 def _cover(
-    pool: Pool, corners: Floats, chain: tuple[int, ...], goal: float, bound: float
+    pool: Pool, corners: Floats, near: tuple[int, ...], goal: float, bound: float
 ) -> tuple[float, tuple[int, ...]]:
-    """Covers a triangle of directions by products near those of `chain`, to `goal` if it can.
+    """Covers a triangle of directions by products near `near`, to `goal` if it can.
 
-    Returns how far it does, and their indices.
+    Returns how far it does, and the indices of products to begin with in parts of it.
     """
     centre = corners.sum(axis=0) / np.linalg.norm(corners.sum(axis=0))
-    tried = set(chain)
+    tried = set(near)
     t, best = _best(pool, corners, tried)
-    wide = max(float(np.linalg.norm(corners[i] - corners[i - 1])) for i in range(3)) > NARROW
-    for step in range(5 if wide else len(SEARCHES) + 2):
+    for step in range(len(SEARCHES) + 2):
         if t >= goal:
             break
         found = set[int]()
@@ -222,14 +262,15 @@ def _cover(
             found = pool.climb(best[-1], centre) | pool.jump(centre)
         else:
             share, starts = SEARCHES[step - 2]
-            for e in (centre, *corners):
+            for e in (centre,) if starts else (centre, *corners):
                 found |= pool.settled(best[-1], e, t + share * (bound - t), starts)
         if found - tried:
             tried |= found
             t, best = _best(pool, corners, tried)
     for e in corners:
         pool.beside.setdefault(e.tobytes(), set()).update(best)
-    return t, best
+    far = sorted(tried - set(best), key=lambda i: -pool.reach(i, centre)[0])
+    return t, (*best, *far[:PASSED_ON])
 
 
 def _shrunk(hull: Sets, share: float) -> Sets:
@@ -264,10 +305,16 @@ def branch(hull: Sets, hover: Floats, bounds: Floats, twists: Floats) -> None:
     for k, part in ((1, slice(0, 3)), (2, slice(3, 6))):
         if bounds[k, 1] - bounds[k, 0] <= ENOUGH * bounds[k, 1]:
             continue
-        weakest = raise_lower(hull, hover, part, anchors, bounds[k])
+        cover = begin_cover(hull, hover, part, anchors)
+        if cover is None:
+            continue
         worst = twists[k, part] / max(float(np.linalg.norm(twists[k, part])), 1e-300)
-        for e in (*weakest, worst):
-            lower_upper(hull, hover, part, e, bounds[k], twists[k])
+        for rays in RAYS:
+            weakest = raise_lower(cover, bounds[k], rays)
+            for e in (*weakest, worst):
+                lower_upper(hull, hover, part, e, bounds[k], twists[k])
+            if bounds[k, 1] - bounds[k, 0] <= WIDE * bounds[k, 1]:
+                break
 
 
 def _best(pool: Pool, corners: Floats, indices: Iterable[int]) -> tuple[float, tuple[int, ...]]:
@@ -280,10 +327,12 @@ def _best(pool: Pool, corners: Floats, indices: Iterable[int]) -> tuple[float, t
     spans = {i: s for i, s in spans.items() if np.isfinite(s).all()}
     chain: tuple[int, ...] = ()
     covered, reached = np.full(3, HELD), 0.0
+    reach = {
+        i: triangle_distance(s[:, 1:] * corners) for i, s in spans.items() if s[:, 1].min() > 0.0
+    }
     while True:
-        able = [i for i, s in spans.items() if (s[:, 0] <= covered).all() and s[:, 1].min() > 0.0]
-        reach = {i: triangle_distance(spans[i][:, 1:] * corners) for i in able}
-        best = max(reach, key=lambda i: reach[i], default=-1)
+        able = [i for i in reach if (spans[i][:, 0] <= covered).all()]
+        best = max(able, key=lambda i: reach[i], default=-1)
         if best < 0 or reach[best] <= reached * (1.0 + 1e-9):
             return reached, chain or (min(spans, default=0),)
         covered, reached, chain = spans[best][:, 1], reach[best], (*chain, best)

@@ -13,7 +13,8 @@ from snakegen.wrench_margins.force_sets import patch_row
 
 Floats = NDArray[np.float64]
 PARTS = 150  # of the sets, for one wrench
-ABOVE = (0.2, 0.4, 0.6, 0.8, 0.95)  # shares of the way from lower to upper bound that are tried
+ABOVE = (0.0, 0.03, 0.07, 0.15, 0.3, 0.5, 0.75, 0.95)  # of the way from lower to upper bound
+HALVINGS = 3  # between the lowest one out of reach and the one before it
 GAP = 1e-4  # relative, of one ray
 MISSED = 1e-9  # scaled, by which a ray must miss
 ENOUGH = 3e-3  # relative gap of a margin at which branching stops
@@ -25,21 +26,31 @@ def lower_upper(
     """Lowers the upper one of a slice's `bounds` to a wrench along e that is out of reach.
 
     Args:
-        hull, hover, part: as `raise_lower`.
+        hull: the sets.
+        hover: (6,) scaled.
+        part: rows of the slice.
         e: (3,) unit.
         bounds: (2,), updated.
         twist: (6,), updated to e where the bound falls.
     """
     u = np.zeros(6)
     u[part] = e
-    low, high = bounds
-    for share in (0.0, *ABOVE):
-        if high - low <= ENOUGH * high:
-            return
-        at = low * (1.0 + ENOUGH) if share == 0.0 else low + share * (high - low)
-        if at < bounds[1] and out_of_reach(hull, hover + at * u, u):
+    near = bounds[0] * (1.0 + ENOUGH)  # not proved to be out of reach, yet
+    if near >= bounds[1]:
+        return
+    first, high = near, float(bounds[1])
+    for share in ABOVE:  # a gap in what is in reach may be narrow: the lowest one counts
+        at = first + share * (high - first)
+        if out_of_reach(hull, hover + at * u, u):
             bounds[1], twist[:] = at, u
-            return
+            break
+        near = at
+    for _ in range(HALVINGS if near < bounds[1] < high else 0):
+        at = 0.5 * (near + bounds[1])
+        if out_of_reach(hull, hover + at * u, u):
+            bounds[1], twist[:] = at, u
+        else:
+            near = at
 
 
 def out_of_reach(hull: Sets, wrench: Floats, u: Floats) -> bool:
