@@ -33,10 +33,9 @@ from snakegen.screw_drive.ground_paths import (
     square,
     waypoints,
 )
+from snakegen.screw_drive.held_shape import direction_cone, fixed_shape_radii
 from snakegen.screw_drive.kinematics import (
     ScrewGeometry,
-    direction_cone,
-    fixed_shape_radii,
     following_radii,
     following_radius,
     hara_chain,

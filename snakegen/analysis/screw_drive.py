@@ -17,12 +17,10 @@ from snakegen.robot.robot import Robot
 from snakegen.screw_drive.constraints import constraint_matrices, follow_the_leader, wheel_rates
 from snakegen.screw_drive.geometry import drive_geometry, yaw_joints
 from snakegen.screw_drive.ground_paths import NAMED, Path
+from snakegen.screw_drive.held_shape import DirectionCone, direction_cone, fixed_shape_radii
 from snakegen.screw_drive.kinematics import (
-    DirectionCone,
     PathDemand,
     ScrewGeometry,
-    direction_cone,
-    fixed_shape_radii,
     following_radii,
     path_demand,
     worst_slip_sensitivity,

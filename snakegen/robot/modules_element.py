@@ -5,121 +5,63 @@ attribute and the line of the file.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
-from math import isfinite
 from typing import Any
 from xml.parsers import expat
 
 from snakegen.errors import DescriptionError, near
-from snakegen.spec.wheel_layout import ROLLERS
+from snakegen.spec import attribute_values as accept
 
-POSES = ("stand", "wall", "ceiling", "vertical", "any")  # of a fixed base
-Check = Callable[[str], None]  # raises ValueError that says what is needed
-
-
-def _number(text: str, low: float = float("-inf"), *, strict: bool = False) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise ValueError("a number is needed") from None
-    if not isfinite(value):
-        raise ValueError("a finite number is needed")
-    if value < low or (strict and value == low):
-        raise ValueError(f"more than {low:g} is needed" if strict else f"{low:g} or more is needed")
-    return value
-
-
-def _real(text: str) -> None:
-    _number(text)
-
-
-def _positive(text: str) -> None:
-    _number(text, 0.0, strict=True)
-
-
-def _not_negative(text: str) -> None:
-    _number(text, 0.0)
-
-
-def _limit(text: str) -> None:
-    if text != "inf":
-        _positive(text)
-
-
-def _share(text: str) -> None:
-    if not 0.0 <= _number(text) <= 1.0:
-        raise ValueError("a share from 0 to 1 is needed")
-
-
-def _count(text: str) -> None:
-    if _number(text) not in range(1, 65):
-        raise ValueError("a whole number from 1 to 64 is needed")
-
-
-def _spin(text: str) -> None:
-    if _number(text) not in (-1.0, 0.0, 1.0):
-        raise ValueError("1, -1 or 0 is needed")
-
-
-def _switch(text: str) -> None:
-    if text not in ("0", "1"):
-        raise ValueError("0 or 1 is needed")
-
-
-def _axis(text: str) -> None:
-    numbers = [_number(part) for part in text.split()]
-    if len(numbers) != 3 or not any(numbers):
-        raise ValueError("three numbers, not all 0, are needed, as in '0 0 1'")
-
-
-def _point(text: str) -> None:
-    if len([_number(part) for part in text.split()]) != 3:
-        raise ValueError("three numbers are needed, as in '0.2 0 0'")
-
-
-def _name(text: str) -> None:
-    if not text.strip():
-        raise ValueError("a name is needed")
-
-
-def _rollers(text: str) -> None:
-    if text not in ROLLERS:
-        raise ValueError(f"one of {', '.join(ROLLERS)} is needed")
-
-
-def _pose(text: str) -> None:
-    if text not in POSES:
-        raise ValueError(f"one of {', '.join(POSES)} is needed")
-
-
-def _any(text: str) -> None:
-    """Accepts what a model of the spec checks as a whole."""
-
-
-_SERVO = dict.fromkeys(("stiffness", "damping", "armature", "friction"), _not_negative)
-_ROTOR = dict.fromkeys(("lag", "diameter", "inertia", "speed"), _not_negative)
-_FIELDS: dict[str, dict[str, Check]] = {
-    "link": {"name": _name, "length": _positive},
-    "servo": {"joint": _name, **_SERVO},
-    "vectoring_apparatus": {"link": _name, "roll": _name, "pitch": _name, "position": _share},
+_SERVO = dict.fromkeys(("stiffness", "damping", "armature", "friction"), accept.not_negative)
+_ROTOR = dict.fromkeys(("lag", "diameter", "inertia", "speed"), accept.not_negative)
+_FIELDS: dict[str, dict[str, accept.Check]] = {
+    "link": {"name": accept.name, "length": accept.positive},
+    "servo": {"joint": accept.name, **_SERVO},
+    "vectoring_apparatus": {
+        "link": accept.name,
+        "roll": accept.name,
+        "pitch": accept.name,
+        "position": accept.share,
+    },
     "rotor": {
-        "link": _name, "thrust_min": _real, "thrust_max": _positive, "drag_ratio": _real,
-        "axis": _axis, "spin": _spin, "position": _point, "name": _name, **_ROTOR,
+        "link": accept.name,
+        "thrust_min": accept.real,
+        "thrust_max": accept.positive,
+        "drag_ratio": accept.real,
+        "axis": accept.axis,
+        "spin": accept.spin,
+        "position": accept.point,
+        "name": accept.name,
+        **_ROTOR,
     },
     "screw_drive": {
-        "joint": _name, "link": _name, "alpha": _real, "radius": _positive, "blades": _count,
-        "wheels_per_blade": _count, "wheel_radius": _positive, "rollers": _rollers,
-        "friction": _not_negative, "torque": _positive, "gain": _positive,
-        "armature": _not_negative,
+        "joint": accept.name,
+        "link": accept.name,
+        "alpha": accept.real,
+        "radius": accept.positive,
+        "blades": accept.count,
+        "wheels_per_blade": accept.count,
+        "wheel_radius": accept.positive,
+        "rollers": accept.rollers,
+        "friction": accept.not_negative,
+        "torque": accept.positive,
+        "gain": accept.positive,
+        "armature": accept.not_negative,
     },
-    "caster": {"link": _name, "track": _not_negative, "radius": _positive},
+    "caster": {"link": accept.name, "track": accept.not_negative, "radius": accept.positive},
     "cables": {
-        "count": _count, "radius": _positive, "phase": _real, "standoff": _positive,
-        "sheathed": _switch, "minimum": _not_negative, "maximum": _limit,
-        "stiffness": _positive, "elasticity": _limit, "friction": _not_negative,
+        "count": accept.count,
+        "radius": accept.positive,
+        "phase": accept.real,
+        "standoff": accept.positive,
+        "sheathed": accept.switch,
+        "minimum": accept.not_negative,
+        "maximum": accept.limit,
+        "stiffness": accept.positive,
+        "elasticity": accept.limit,
+        "friction": accept.not_negative,
     },
-    "mount": {"pose": _pose, "height": _not_negative},
-}  # fmt: skip
+    "mount": {"pose": accept.pose, "height": accept.not_negative},
+}
 _NEEDED = {
     "link": ("name", "length"),
     "servo": ("joint",),

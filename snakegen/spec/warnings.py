@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from snakegen.spec.drum_fit import drum_warnings
-from snakegen.spec.resolution import lone_clearance
+from snakegen.spec.module_resolution import lone_clearance
 from snakegen.spec.robot_spec import RobotSpec
 
 _TURN = 4.0 * math.pi  # rad; hardly a joint turns further, but any limit in degrees reads so
