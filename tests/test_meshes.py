@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+import yourdfpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -185,3 +186,20 @@ def test_refusals() -> None:
         parts.screw_drum(0.1, 1.0, 1.6)
     with pytest.raises(DescriptionError, match="'y' or 'z'"):
         parts.u_bracket(1.0, 1.0, axis="x")
+
+
+@pytest.mark.parametrize("name", ["dragon4", "hybrid4", "screw4"])
+def test_a_joints_inertia_is_that_of_the_cross_that_is_shown(name: str) -> None:
+    """yourdfpy's mesh, filled evenly with the joint's mass, has the inertia that is declared."""
+    folder = Path(__file__).parent.parent / "generated" / name
+    seen = yourdfpy.URDF.load(str(folder / f"{name}.urdf"))
+    inertial, graph = seen.link_map["joint1_cross"].inertial, seen.scene.graph
+    (node,) = [
+        n for n in graph.nodes_geometry if "joint1_cross" in str(graph.transforms.parents[n])
+    ]
+    pose, geometry = graph.get(node, frame_from="joint1_cross")
+    mesh = seen.scene.geometry[geometry].copy().apply_transform(pose)
+    mesh.density = inertial.mass / mesh.volume
+    assert 600.0 < mesh.density < 1400.0  # of servos
+    np.testing.assert_allclose(mesh.center_mass, inertial.origin[:3, 3], atol=1e-6)
+    np.testing.assert_allclose(*map(np.diag, (mesh.moment_inertia, inertial.inertia)), rtol=0.02)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 Diagonal = tuple[float, float, float]
+SERVO_DENSITY = 1260.0  # kg/m³, of the cross of DRAGON with its two servos
 
 
 def cylinder(mass: float, radius: float, length: float) -> Diagonal:
@@ -25,6 +26,28 @@ def box(mass: float, size: tuple[float, float, float]) -> Diagonal:
     """Returns (Ixx, Iyy, Izz) [kg m²] of a solid box of edges `size` [m] along x, y, z."""
     x, y, z = (s * s for s in size)
     return mass * (y + z) / 12.0, mass * (x + z) / 12.0, mass * (x + y) / 12.0
+
+
+def joint_cross(mass: float, gap: float, radius: float) -> Diagonal:
+    """Returns (Ixx, Iyy, Izz) [kg m²] of a two-axis joint's cross, filled evenly.
+
+    As templates/parts/joint.xacro shows it: a web along x, and across each end a drum with a
+    thinner axle through it, one along y, one along z. Its pins reach 15 mm beyond axes `gap` [m]
+    apart; it is larger where that encloses less than its mass takes at the density of servos, or
+    does not stand out of rods of `radius` [m].
+    """
+    width, ends = 0.252, np.zeros(3)
+    web = volume = 0.64 * width**2
+    for wide, length in ((0.18, 0.6), (0.081, 0.84)):
+        one = math.pi * wide**2 * length
+        axial, side, _ = cylinder(one, wide, length)
+        far = one * 0.32**2  # from the middle
+        ends += [side, axial + far, side + far]
+        volume += 2.0 * one
+    size = max(gap + 0.03, 3.3 * radius, (mass / (SERVO_DENSITY * volume)) ** (1.0 / 3.0))
+    unit = np.array(box(web, (0.64, width, width))) + ends + ends[[0, 2, 1]]
+    xx, yy, zz = (float(x) for x in unit * mass / volume * size**2)
+    return xx, yy, zz
 
 
 def sphere(mass: float, radius: float) -> Diagonal:

@@ -10,7 +10,7 @@ from snakegen.spec.fields import Part, spell_out, spread
 from snakegen.spec.modules import Battery, Caster, Payload, ScrewDrive, VectoringApparatus
 from snakegen.spec.wheel_layout import wheel_layout
 
-MODULE_WIDTH = 0.05  # m, of the gimbal modules where no inertia is given
+_MODULE_WIDTH = 0.05  # m, of the gimbal modules where no inertia is given
 _PAIR_OFFSET = 0.037  # m, DRAGON's pitch axis above the roll axis
 
 
@@ -79,11 +79,11 @@ def resolve_apparatuses(part: VectoringApparatus, links: int, radii: list[float]
     out["offset"] = [offset(i) if x is None else float(x) for i, x in enumerate(offsets)]
 
     def roll(i: int) -> inertia.Diagonal:
-        return inertia.box(out["roll_mass"][i], (MODULE_WIDTH, 1.2 * MODULE_WIDTH, MODULE_WIDTH))
+        return inertia.box(out["roll_mass"][i], (_MODULE_WIDTH, 1.2 * _MODULE_WIDTH, _MODULE_WIDTH))
 
     def pitch(i: int) -> inertia.Diagonal:
         width = out["separation"][i] + out["rotor_diameter"][i]
-        return inertia.box(out["pitch_mass"][i], (MODULE_WIDTH, width, MODULE_WIDTH))
+        return inertia.box(out["pitch_mass"][i], (_MODULE_WIDTH, width, _MODULE_WIDTH))
 
     what = "apparatuses"
     out["roll_inertia"] = inertias_of(part.roll_inertia, n, f"{section}.roll_inertia", what, roll)

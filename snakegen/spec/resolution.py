@@ -9,7 +9,6 @@ from snakegen.spec.defaults import rate_filter
 from snakegen.spec.fields import Part, spread
 from snakegen.spec.inertia_limits import refuse_excess
 from snakegen.spec.module_resolution import (
-    MODULE_WIDTH,
     inertias_of,
     lists,
     resolve_apparatuses,
@@ -32,7 +31,7 @@ def resolve(spec: SpecSections) -> dict[str, Any]:
     n = spec.chain.links
     out = spec.model_dump(mode="json", exclude_none=True)
     out["chain"] |= _chain(spec.chain)
-    out["joint"] |= _joint(spec.joint, n - 1)
+    out["joint"] |= _joint(spec.joint, n - 1, out["chain"]["radius"])
     count = 0
     if spec.vectoring_apparatus is not None:
         out["vectoring_apparatus"] |= resolve_apparatuses(
@@ -83,7 +82,7 @@ def _chain(chain: Chain) -> dict[str, Any]:
     return out
 
 
-def _joint(joint: Joint, n: int) -> dict[str, Any]:
+def _joint(joint: Joint, n: int, radius: list[float]) -> dict[str, Any]:
     names = ("gap", "upper", "effort", "velocity")
     out = lists(joint, "joint", names, n, "joints") | {"axes": joint.axes_of(n)}
     masses = spread(joint.mass, n, "joint.mass", "joints")
@@ -99,10 +98,14 @@ def _joint(joint: Joint, n: int) -> dict[str, Any]:
         if low >= high:
             raise ValueError(f"joint.lower: {low} is not below joint.upper {high} (joint {i + 1})")
 
-    def cross(i: int) -> inertia.Diagonal:
-        return inertia.box(masses[i], (out["gap"][i] + MODULE_WIDTH, MODULE_WIDTH, MODULE_WIDTH))
+    def shown(i: int) -> inertia.Diagonal:
+        """Fills what parts/joint.xacro shows: a cross between two axes, a block on one."""
+        if len(out["axes"][i]) == 2:
+            return inertia.joint_cross(masses[i], out["gap"][i], radius[i])
+        wide = 2.4 * radius[i]
+        return inertia.box(masses[i], (out["gap"][i] + wide, wide, wide))
 
-    inertias = inertias_of(joint.inertia, n, "joint.inertia", "joints", cross)
+    inertias = inertias_of(joint.inertia, n, "joint.inertia", "joints", shown)
     out["mass"] = [m if body else None for m, body in zip(masses, bodies, strict=True)]
     out["inertia"] = [row if body else None for row, body in zip(inertias, bodies, strict=True)]
     return out
