@@ -200,6 +200,6 @@ def test_a_joints_inertia_is_that_of_the_cross_that_is_shown(name: str) -> None:
     pose, geometry = graph.get(node, frame_from="joint1_cross")
     mesh = seen.scene.geometry[geometry].copy().apply_transform(pose)
     mesh.density = inertial.mass / mesh.volume
-    assert 600.0 < mesh.density < 1400.0  # of servos
+    assert 200.0 < mesh.density < 1400.0  # of servos, or less where it stands out of thick rods
     np.testing.assert_allclose(mesh.center_mass, inertial.origin[:3, 3], atol=1e-6)
     np.testing.assert_allclose(*map(np.diag, (mesh.moment_inertia, inertial.inertia)), rtol=0.02)
