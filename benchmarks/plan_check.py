@@ -18,7 +18,6 @@ from scipy.optimize import minimize
 
 from snakegen.analysis.allocation import allocation
 from snakegen.planning.body import attitude
-from snakegen.planning.certificate import Certificate
 from snakegen.planning.trajectory import Trajectory
 from snakegen.robot.robot import GRAVITY, Robot
 from snakegen.scene.solids import Solid
@@ -34,13 +33,19 @@ INSTANTS, STARTS = 6, 6  # of the margins
 
 
 def below_bounds(
-    robot: Robot, path: Trajectory, solids: tuple[Solid, ...], proved: Certificate, seed: int = 0
+    robot: Robot,
+    path: Trajectory,
+    solids: tuple[Solid, ...],
+    certificate: dict[str, Any] | None,
+    seed: int = 0,
 ) -> dict[str, float]:
     """Returns how far a sample is below its bound, m, N and N m; 0 where none is.
 
-    Distances are taken at 10 kHz wherever the samples at 100 Hz are near enough to the bound for
-    anything in between to be below it.
+    The certificate is that of a plan file. Distances are taken at 10 kHz wherever the samples at
+    100 Hz are near enough to the bound for anything in between to be below it.
     """
+    proved = certificate or {}
+    lower = {k.rpartition("_")[0]: v["lower_bound"] for k, v in proved.items() if k != "intervals"}
     world = make_world(robot, floor=False, obstacles=solids)
     bodies = Bodies(robot, world, path)
     times = np.arange(0.0, path.times[-1], 1.0 / COARSE)
@@ -48,18 +53,18 @@ def below_bounds(
     reach = SPEED * 0.5 / COARSE
     fine = [times]
     step = np.arange(-0.5, 0.5, COARSE / RATE) / COARSE
-    near = (found - proved.clearance.lower < reach).any(axis=1)
+    near = (found - lower["clearance"] < reach).any(axis=1)
     values = [found]
     if near.any():
         fine.append(np.clip((times[near, None] + step).ravel(), 0.0, path.times[-1]))
         values.append(bodies.distances(fine[-1]))
     least = np.concatenate(values).min()
-    out = {"clearance": max(0.0, proved.clearance.lower - float(least))}
+    out = {"clearance": max(0.0, lower["clearance"] - float(least))}
     rng = np.random.default_rng(seed)
-    when = [proved.force_margin.time, proved.torque_margin.time]
+    when = [proved[k]["time_s"] for k in ("force_margin_N", "torque_margin_Nm")]
     when += rng.uniform(0.0, path.times[-1], INSTANTS - len(when)).tolist()
     for kind in ("force", "torque"):
-        bound = getattr(proved, f"{kind}_margin").lower
+        bound = lower[f"{kind}_margin"]
         value = min(upper_margin(robot, bodies.posture(t), kind, rng) for t in when)
         out[f"{kind}_margin"] = max(0.0, bound - value)
     return out

@@ -5,14 +5,15 @@ posts beside them, for bodies of 4, 6 and 8 links. Each is planned with the dema
 `snakegen plan` and, where that fails, without margins. Accepted plans are checked by another code
 path at 10 kHz (`plan_check`) and flown with noise.
 
-python benchmarks/plans.py [--first 0] [--scenes 100] [--seed 0] [--out FILE] [--stop SECONDS]
+Every scene has files of its own in FOLDER, so that runs may be cut short, continued and shared.
+
+python benchmarks/plans.py FOLDER [--first 0] [--scenes 100] [--seed 0] [--only search|fly]
 """
 
 import argparse
 import json
 import time
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -20,11 +21,11 @@ from plan_check import below_bounds
 
 from snakegen.base import yaml_file
 from snakegen.errors import PlanError
-from snakegen.planning.motion_search import Motion, search
+from snakegen.planning.motion_search import search
+from snakegen.planning.plan_file import read_plan
 from snakegen.robot.robot import Robot, load
-from snakegen.scene.schema import Scene, read_scene
+from snakegen.scene.schema import read_scene
 from snakegen.simulation.flight.run import prepare
-from snakegen.simulation.recording.recording import Recording
 from snakegen.spec.loading import load_spec
 
 LINKS = (4, 6, 8)
@@ -79,48 +80,42 @@ def plate(
     return {"name": name, "centre": centre, "size": size, "openings": [opening]}
 
 
-def flown(robot: Robot, motion: Motion, place: Scene, path: Path) -> Recording:
-    """Returns the recording of the plan's flight, seed 0; the plan is written to `path`."""
-    motion.file(place).write(path)
-    ready = prepare(robot, str(path))
-    noise = np.random.default_rng(0)
-    return ready.flown(ready.world(), ready.imperfections, noise, 0, margins=False)
-
-
-def tried(robot: Robot, data: dict[str, Any], folder: Path, seed: int) -> dict[str, Any]:
-    """Returns how a scene fares: searched, checked, flown; see `totals`."""
+def searched(robot: Robot, data: dict[str, Any], folder: Path, seed: int) -> dict[str, Any]:
+    """Returns whether a scene is solved, with and without margins; writes scene and plan."""
     row: dict[str, Any] = {"solved": False, "bare": False}
     for demanded in (True, False):
         free = {"demands": {"force_margin": 0.0, "torque_margin": 0.0}}
-        path = folder / "scene.yaml"
+        path = folder / ("scene.yaml" if demanded else "bare.yaml")
         path.write_text(yaml_file.dump(data if demanded else data | free), encoding="utf-8")
         place = read_scene(path)
         start = time.process_time()
+        motion, unmet = None, ["no way"]
         try:
             motion = search(robot, place, minutes=MINUTES, seed=seed, clock=time.process_time)
             unmet = motion.unmet(place.demands)
+            why = "; ".join(unmet)
         except PlanError as error:
-            row["why" if demanded else "bare_why"] = str(error)
-            motion, unmet = None, ["no way"]
-        row["cpu" if demanded else "bare_cpu"] = time.process_time() - start
-        row["solved" if demanded else "bare"] = not unmet
-        if unmet and motion is not None:
-            row["why" if demanded else "bare_why"] = "; ".join(unmet)
-        if demanded and motion is not None and not unmet:
-            row["bare"] = True
-            row |= checked(robot, motion, place, folder)
-            break
+            why = str(error)
+        name = "" if demanded else "bare_"
+        row |= {f"{name}cpu": time.process_time() - start, f"{name}why": why}
+        if motion is None or unmet:
+            continue
+        row["bare"] = True
+        if demanded:
+            motion.file(place).write(folder / "plan.yaml")
+            row |= {"solved": True, "sigmas": motion.tracking.sigmas}
+            row |= {k: float(b.lower) for k, b in motion.certificate.bounds().items()}
+        break
     return row
 
 
-def checked(robot: Robot, motion: Motion, place: Scene, folder: Path) -> dict[str, Any]:
-    """Returns what the check of the certificate and the flight of a plan say."""
-    proved = motion.certificate
-    row: dict[str, Any] = {k: float(b.lower) for k, b in proved.bounds().items()}
-    row |= {"sigmas": motion.tracking.sigmas, "error": motion.tracking.error}
-    row["seconds"] = float(motion.path.times[-1])
-    row["below"] = below_bounds(robot, motion.path, place.solids, proved)
-    recording = flown(robot, motion, place, folder / "plan.yaml")
+def flown(robot: Robot, path: Path) -> dict[str, Any]:
+    """Returns what the check of a plan's certificate and its flight, seed 0, say."""
+    plan = read_plan(yaml_file.read(path), path.name)
+    row: dict[str, Any] = {"below": below_bounds(robot, plan.path, plan.solids, plan.certificate)}
+    ready = prepare(robot, str(path))
+    noise = np.random.default_rng(0)
+    recording = ready.flown(ready.world(), ready.imperfections, noise, 0, margins=False)
     m = recording.metrics
     names = ("position_rmse_m", "attitude_rmse_rad", "position_max_m", "saturation_share",
              "gimbal_torque_limit_share", "min_obstacle_distance_m")  # fmt: skip
@@ -131,8 +126,12 @@ def checked(robot: Robot, motion: Motion, place: Scene, folder: Path) -> dict[st
     return row
 
 
-def totals(rows: list[dict[str, Any]]) -> list[str]:
-    """Returns the counts in words."""
+def totals(folder: Path) -> list[str]:
+    """Returns the counts of a folder in words."""
+    rows = [json.loads(p.read_text(encoding="utf-8")) for p in sorted(folder.glob("*/search.json"))]
+    flights = [
+        json.loads(p.read_text(encoding="utf-8")) for p in sorted(folder.glob("*/flight.json"))
+    ]
     solved = [r for r in rows if r["solved"]]
     bare = sum(r["bare"] for r in rows)
     out = [f"{len(rows)} scenes: {len(solved)} certified with margins, {bare} with or without"]
@@ -141,56 +140,52 @@ def totals(rows: list[dict[str, Any]]) -> list[str]:
             mine = [r for r in rows if r[name] == value]
             done = sum(r["solved"] for r in mine)
             out.append(f"  {name} {value}: {done} of {sum(r['bare'] for r in mine)} of {len(mine)}")
-    if not solved:
-        return out
-    times = [r["cpu"] for r in solved]
-    every = [r["cpu"] for r in rows]
-    out.append(f"search and certificate: median {np.median(times):.1f} s of CPU, most "
-               f"{max(times):.1f}; refused ones too: median {np.median(every):.1f} s")  # fmt: skip
-    wrong = sum(any(v > 0.0 for v in r["below"].values()) for r in solved)
-    out.append(f"samples below a bound: {wrong} plans")
-    passed = sum(not r["failed"] for r in solved)
-    out.append(
-        f"flown: {sum(r['touch'] for r in solved)} touch, {sum(r['lost'] for r in solved)} lost, "
-        f"{passed} of {len(solved)} pass every check"
-    )
+    if solved:
+        times = [r["cpu"] for r in solved]
+        out.append(f"search and certificate: median {np.median(times):.1f} s of CPU, most "
+                   f"{max(times):.1f}; refused ones too: median "
+                   f"{np.median([r['cpu'] for r in rows]):.1f} s")  # fmt: skip
+    if flights:
+        wrong = sum(any(v > 0.0 for v in r["below"].values()) for r in flights)
+        passed = sum(not r["failed"] for r in flights)
+        out.append(
+            f"{len(flights)} checked and flown: {wrong} with a sample below a bound, "
+            f"{sum(r['touch'] for r in flights)} touch, {sum(r['lost'] for r in flights)} lost, "
+            f"{passed} pass every check"
+        )
     return out
 
 
 def main() -> None:
     """Prints one line a scene, then the counts."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path, help="of scenes, plans and results")
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
     parser.add_argument("--scenes", type=int, default=100, help="how many")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, help="JSON lines; scenes that are there are kept")
-    parser.add_argument("--keep", type=Path, help="folder for scenes and plans")
-    parser.add_argument("--stop", type=float, default=float("inf"), help="s, after which to end")
+    parser.add_argument("--only", choices=("search", "fly"), help="one of the two parts")
     given = parser.parse_args()
-    begun = time.monotonic()
-    rows: list[dict[str, Any]] = []
-    robots = {n: load(load_spec("dragon4", links=n)) for n in LINKS}
-    with TemporaryDirectory() as temporary:
-        for number in range(given.first, given.first + given.scenes):
-            if time.monotonic() - begun > given.stop:
-                break
-            if given.out is not None and given.out.exists():  # others may write to it too
-                lines = given.out.read_text(encoding="utf-8").splitlines()
-                rows = [json.loads(line) for line in lines]
-            if any(r["number"] == number for r in rows):
-                continue
-            links, kind = LINKS[number // len(KINDS) % len(LINKS)], KINDS[number % len(KINDS)]
-            folder = (given.keep or Path(temporary)) / str(number)
-            folder.mkdir(parents=True, exist_ok=True)
+    robots: dict[int, Robot] = {}
+    for number in range(given.first, given.first + given.scenes):
+        links, kind = LINKS[number // len(KINDS) % len(LINKS)], KINDS[number % len(KINDS)]
+        folder = given.folder / f"{number:03d}"
+        folder.mkdir(parents=True, exist_ok=True)
+        robot = robots.setdefault(links, load(load_spec("dragon4", links=links)))
+        label = {"number": number, "links": links, "kind": kind}
+        found, flight = folder / "search.json", folder / "flight.json"
+        if given.only != "fly" and not found.exists():
             data = scene(np.random.default_rng([given.seed, number]), number)
-            row = {"number": number, "links": links, "kind": kind}
-            row |= tried(robots[links], data, folder, given.seed)
-            rows.append(row)
-            if given.out is not None:
-                with given.out.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(row) + "\n")
-            print(row, flush=True)
-    print("\n".join(totals(rows)))
+            keep(found, label | searched(robot, data, folder, given.seed))
+        plan = folder / "plan.yaml"
+        if given.only != "search" and plan.exists() and not flight.exists():
+            keep(flight, label | flown(robot, plan))
+    print("\n".join(totals(given.folder)))
+
+
+def keep(path: Path, row: dict[str, Any]) -> None:
+    """Writes a row and prints it."""
+    path.write_text(json.dumps(row), encoding="utf-8")
+    print(row, flush=True)
 
 
 if __name__ == "__main__":

@@ -60,12 +60,18 @@ class Bound:
     def to_json(self) -> dict[str, Any]:
         """Returns plain data."""
         out: dict[str, Any] = {
-            "lower_bound": float(f"{self.lower:.6g}"),
+            "lower_bound": rounded_down(self.lower),
             "least_seen": float(f"{self.seen:.6g}"),
             "time_s": float(f"{self.time:.6g}"),
             "closed": self.closed,
         }
         return out | ({"between": list(self.between)} if self.between[0] else {})
+
+
+def rounded_down(value: float) -> float:
+    """Returns a bound in six digits, never above it."""
+    shown = float(f"{value:.6g}")
+    return shown if shown <= value else float(f"{value - 6e-6 * abs(value):.6g}")
 
 
 @dataclass(frozen=True)
