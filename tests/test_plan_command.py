@@ -43,6 +43,7 @@ def test_a_plan_is_certified_and_written(run, tmp_path: Path) -> None:
         ("arm6", {}, "arm6 does not fly"),
         ("dragon4", {"start": "{cog: [-2, 0, 0.05]}"}, "start: vectoring apparatus"),
         ("dragon4", {"start": "{cog: [-2, 0, 1.2], joints: {joint1_yaw: 0}}"}, "margins|margin"),
+        ("dragon4", {"start": "{below: wall, joints: {joint1_yaw: 0}}"}, "start: dragon4 cannot"),
         ("dragon4", {"goal": "{cog: [2, 0, 1.2], joints: {joint9: 0}}"}, "no driven joint"),
         ("dragon4", {"size": 0.03}, "no way from start to goal, even for a single rod: wall"),
     ],

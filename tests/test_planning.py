@@ -202,6 +202,7 @@ REFUSED = [
     ("obstacles: []\nstart: {above: roof}", "no opening 'roof'"),
     ("obstacles: [{kind: mesh, file: none.stl}]", "none.stl is not there"),
     ("obstacles: []\ndemands: {clearence: 1}", "Did you mean 'clearance'"),
+    ("obstacles: []\nstart: {cog: [-2000, 0, 1200]}", "as millimetres it is 2 m"),
 ]
 
 
@@ -338,3 +339,55 @@ def test_the_low_pass_of_plans_keeps_roll_gimbals_of_steep_links_quiet(
         flown = ready.flown(ready.world(), ready.imperfections, noise, 0, margins=False)
         shares.append(flown.metrics["gimbal_torque_limit_share"])
     assert shares[0] > 0.05 and shares[1] == 0.0
+
+
+@pytest.mark.parametrize("good", [True, False])
+def test_an_interrupted_search_keeps_what_it_has(
+    monkeypatch: pytest.MonkeyPatch, good: bool
+) -> None:
+    """Ctrl-C at the third seed: the two before are kept if one will do, else nothing is."""
+    from types import SimpleNamespace
+
+    from snakegen.planning import motion_search
+    from snakegen.planning.seeds import Family
+
+    looked: list[float] = []
+
+    def judge(seed: object, step: float, demands: Demands) -> SimpleNamespace:
+        if len(looked) == 2:
+            raise KeyboardInterrupt
+        looked.append(step)
+        worth = len(looked) if good else -11.0
+        return SimpleNamespace(miss=0.0, clearance=0.1, torque=1.0, worth=lambda _: worth)
+
+    monkeypatch.setattr(motion_search, "judge", judge)
+    family = [SimpleNamespace(family=Family(True, 0.4, 0.0, 0.0))] * 5
+    words: list[str] = []
+    begin = [family, family]
+    if good:
+        found = motion_search.look(begin, Demands(), np.inf, words.append)  # type: ignore[arg-type]
+        assert [worth for worth, _, _ in found] == [2, 1]
+        assert words[-1].startswith("interrupted")
+    else:
+        with pytest.raises(KeyboardInterrupt):
+            motion_search.look(begin, Demands(), np.inf, words.append)  # type: ignore[arg-type]
+
+
+def test_waves_swing_to_both_sides_and_fade() -> None:
+    from snakegen.planning.curves import waved
+
+    line = waved(np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 1.0]]), 0.2, 2.0)
+    assert line[:, 1].max() == pytest.approx(0.2, abs=0.01)
+    assert line[:, 1].min() == pytest.approx(-0.2, abs=0.01)
+    assert np.allclose(line[[0, -1]], [[-1.0, 0.0, 1.0], [4.0, 0.0, 1.0]])
+    slope = np.abs(np.diff(line[:, 1])) / np.diff(line[:, 0])
+    assert slope[0] < 0.02 and slope[-1] < 0.02  # the turns before and after go on straight
+    upward = waved(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 3.0]]), 0.2, 2.0)
+    assert np.abs(upward[:, :2]).max() < 1e-9
+
+
+def test_printed_bounds_are_never_above_what_is_proved() -> None:
+    from snakegen.planning.certificate import rounded_down
+
+    for value in np.random.default_rng(0).normal(size=1000) * 10.0 ** np.arange(-5, 5).repeat(100):
+        assert value - 1.2e-5 * abs(value) <= rounded_down(float(value)) <= value

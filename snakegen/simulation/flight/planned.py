@@ -76,7 +76,9 @@ def _judged(file: PlanFile) -> dict[str, Any]:
     """Returns events, facts and thresholds of a plan's flight."""
     end = float(file.path.times[-1])
     events = [(HOLD, "motion begins"), (HOLD + end, "motion ends")]
-    facts: dict[str, Any] = {"planned_motion_s": end}
+    facts: dict[str, Any] = {"planned_motion_s": end, "integral_settling_s": file.settling}
+    if file.settling > 0.0:
+        events.append((HOLD, f"integrals settle in {file.settling:g} s along the motion"))
     thresholds: dict[str, dict[str, Any] | None] = {}
     proved = file.certificate or {}
     if proved and file.solids:
