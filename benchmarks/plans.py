@@ -7,7 +7,7 @@ path at 10 kHz (`plan_check`) and flown with noise.
 
 Every scene has files of its own in FOLDER, so that runs may be cut short, continued and shared.
 
-python benchmarks/plans.py FOLDER [--first 0] [--scenes 100] [--seed 0] [--only search|fly]
+python benchmarks/plans.py FOLDER [--first 0] [--scenes 100] [--seed 0] [--only search|fly|bare]
 """
 
 import argparse
@@ -81,31 +81,23 @@ def plate(
 
 
 def searched(robot: Robot, data: dict[str, Any], folder: Path, seed: int) -> dict[str, Any]:
-    """Returns whether a scene is solved, with and without margins; writes scene and plan."""
-    row: dict[str, Any] = {"solved": False, "bare": False}
-    for demanded in (True, False):
-        free = {"demands": {"force_margin": 0.0, "torque_margin": 0.0}}
-        path = folder / ("scene.yaml" if demanded else "bare.yaml")
-        path.write_text(yaml_file.dump(data if demanded else data | free), encoding="utf-8")
-        place = read_scene(path)
-        start = time.process_time()
-        motion, unmet = None, ["no way"]
-        try:
-            motion = search(robot, place, minutes=MINUTES, seed=seed, clock=time.process_time)
-            unmet = motion.unmet(place.demands)
-            why = "; ".join(unmet)
-        except PlanError as error:
-            why = str(error)
-        name = "" if demanded else "bare_"
-        row |= {f"{name}cpu": time.process_time() - start, f"{name}why": why}
-        if motion is None or unmet:
-            continue
-        row["bare"] = True
-        if demanded:
-            motion.file(place).write(folder / "plan.yaml")
-            row |= {"solved": True, "sigmas": motion.tracking.sigmas}
-            row |= {k: float(b.lower) for k, b in motion.certificate.bounds().items()}
-        break
+    """Returns whether a scene is solved; writes it, and the plan where it has one."""
+    path = folder / "scene.yaml"
+    path.write_text(yaml_file.dump(data), encoding="utf-8")
+    place = read_scene(path)
+    start = time.process_time()
+    motion, unmet = None, ["no way"]
+    try:
+        motion = search(robot, place, minutes=MINUTES, seed=seed, clock=time.process_time)
+        unmet = motion.unmet(place.demands)
+        why = "; ".join(unmet)
+    except PlanError as error:
+        why = str(error)
+    row = {"solved": not unmet, "cpu": time.process_time() - start, "why": why}
+    if motion is not None and not unmet:
+        motion.file(place).write(folder / "plan.yaml")
+        row |= {"sigmas": motion.tracking.sigmas, "seconds": float(motion.path.times[-1])}
+        row |= {k: float(b.lower) for k, b in motion.certificate.bounds().items()}
     return row
 
 
@@ -129,17 +121,17 @@ def flown(robot: Robot, path: Path) -> dict[str, Any]:
 def totals(folder: Path) -> list[str]:
     """Returns the counts of a folder in words."""
     rows = [json.loads(p.read_text(encoding="utf-8")) for p in sorted(folder.glob("*/search.json"))]
-    flights = [
-        json.loads(p.read_text(encoding="utf-8")) for p in sorted(folder.glob("*/flight.json"))
-    ]
+    flights = [json.loads(p.read_text(encoding="utf-8")) for p in sorted(folder.glob("*/fly.json"))]
     solved = [r for r in rows if r["solved"]]
-    bare = sum(r["bare"] for r in rows)
-    out = [f"{len(rows)} scenes: {len(solved)} certified with margins, {bare} with or without"]
+    bare = [json.loads(p.read_text(encoding="utf-8")) for p in folder.glob("*/bare.json")]
+    out = [
+        f"{len(rows)} scenes: {len(solved)} certified with margins; of {len(bare)} of the others "
+        f"{sum(r['solved'] for r in bare)} without"
+    ]
     for name in ("links", "kind"):
         for value in sorted({r[name] for r in rows}):
             mine = [r for r in rows if r[name] == value]
-            done = sum(r["solved"] for r in mine)
-            out.append(f"  {name} {value}: {done} of {sum(r['bare'] for r in mine)} of {len(mine)}")
+            out.append(f"  {name} {value}: {sum(r['solved'] for r in mine)} of {len(mine)}")
     if solved:
         times = [r["cpu"] for r in solved]
         out.append(f"search and certificate: median {np.median(times):.1f} s of CPU, most "
@@ -163,7 +155,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
     parser.add_argument("--scenes", type=int, default=100, help="how many")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", choices=("search", "fly"), help="one of the two parts")
+    parser.add_argument("--only", choices=("search", "fly", "bare"), help="one of the parts")
     given = parser.parse_args()
     robots: dict[int, Robot] = {}
     for number in range(given.first, given.first + given.scenes):
@@ -172,14 +164,29 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         robot = robots.setdefault(links, load(load_spec("dragon4", links=links)))
         label = {"number": number, "links": links, "kind": kind}
-        found, flight = folder / "search.json", folder / "flight.json"
-        if given.only != "fly" and not found.exists():
-            data = scene(np.random.default_rng([given.seed, number]), number)
-            keep(found, label | searched(robot, data, folder, given.seed))
-        plan = folder / "plan.yaml"
-        if given.only != "search" and plan.exists() and not flight.exists():
-            keep(flight, label | flown(robot, plan))
+        files = {k: folder / f"{k}.json" for k in ("search", "fly", "bare")}
+        for part in [given.only] if given.only else files:
+            if files[part].exists():
+                continue
+            if part == "fly":
+                row = flown(robot, folder / "plan.yaml") if (folder / "plan.yaml").exists() else {}
+            elif part == "bare" and solved(files["search"]):
+                row = {}
+            else:
+                data = scene(np.random.default_rng([given.seed, number]), number)
+                free = {"demands": {"force_margin": 0.0, "torque_margin": 0.0}}
+                where = folder if part == "search" else folder / "bare"
+                where.mkdir(exist_ok=True)
+                more = {} if part == "search" else free
+                row = searched(robot, data | more, where, given.seed)
+            if row:
+                keep(files[part], label | row)
     print("\n".join(totals(given.folder)))
+
+
+def solved(path: Path) -> bool:
+    """Tells whether a scene whose result is at `path` was solved."""
+    return path.exists() and bool(json.loads(path.read_text(encoding="utf-8"))["solved"])
 
 
 def keep(path: Path, row: dict[str, Any]) -> None:

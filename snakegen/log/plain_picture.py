@@ -23,6 +23,7 @@ SHOWN = (
     "thrust",
     "joints",
     "margins",
+    "clearance",
     "scaled margins",
     "screws",
 )
@@ -40,7 +41,9 @@ def draw(recording: Recording, png: Path, at: float, size: tuple[int, int]) -> N
     figure = Figure(figsize=(size[0] / 100, size[1] / 100), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
     shown = plots.series(recording)
-    groups = [g for g in SHOWN if any(s.group == g for s in shown)][:5]
+    among = "obstacle_distance" in recording.channels
+    kinds = [g for g in SHOWN if among or g != "clearance"]
+    groups = [g for g in kinds if any(s.group == g for s in shown)][: 6 if among else 5]
     grid = figure.add_gridspec(max(len(groups), 1), 2, width_ratios=[3, 2])
     body: Any = figure.add_subplot(grid[:, 0], projection="3d")
     _draw_body(body, recording, at)
