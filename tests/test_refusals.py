@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from snakegen.robot.robot import load
-from snakegen.spec.loading import load_spec
 
 REFUSED = [
     ("build dragn4", 1, "no preset and no file 'dragn4'. Did you mean 'dragon4'"),
@@ -142,10 +141,9 @@ def test_what_memory_holds_is_not_refused(monkeypatch: pytest.MonkeyPatch) -> No
     from snakegen.simulation.flight.memory_check import refuse_too_long
 
     monkeypatch.setattr(memory, "available", lambda: 4_000_000_000)
-    robot = load("dragon4")  # its plan alone, 200 Hz: 0.24 MB a second, half of 4 GB
-    # with elastic links all rows of 6 + 6 joints + 8 gimbals: 1.6 MB a second
-    elastic = load(load_spec("dragon4", overrides=["plant.link_stiffness=300"]))
-    for body, limit, fit in ((robot, 8333.3, (7500, 3750)), (elastic, 1250.0, (1125, 562))):
+    flying = load("dragon4")  # its times and what is made of a column: 80 kB a second, of half
+    # an arm is held whole, 6 + 12 joints at 1 kHz: 7.2 MB a second
+    for body, limit, fit in ((flying, 25000.0, (22500, 11250)), (load("arm6"), 277.8, (250, 125))):
         refuse_too_long(body, limit - 1.0)
         for at_once, most in zip((1, 2), fit, strict=True):
             with pytest.raises(AnalysisError, match=f"duration of {most} s would fit"):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from snakegen.base.sample_store import RowStore
 from snakegen.screw_drive.ground_paths import Reference
 from snakegen.screw_drive.kinematics import ScrewGeometry, state_rate
 
@@ -61,16 +62,15 @@ def drive_kinematic(
         return state_rate(w, law(w, *reference.at(t)), geometry)[0]
 
     steps = round(duration / dt)
-    w = np.array(start, float)
-    rows = []
+    w, rows = np.array(start, float), RowStore(steps + 1)
     for k in range(steps + 1):
         t = k * dt
         desired, desired_rate = reference.at(t)
         u = law(w, desired, desired_rate)
         k1, slip = state_rate(w, u, geometry)
-        rows.append((t, w, desired, u, slip))
+        rows.add(time=t, state=w, desired=desired, command=u, slip=slip)
         k2 = rate(t + dt / 2, w + dt / 2 * k1)
         k3 = rate(t + dt / 2, w + dt / 2 * k2)
         k4 = rate(t + dt, w + dt * k3)
         w = w + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return DriveRun(*(np.array(column) for column in zip(*rows, strict=True)))
+    return DriveRun(**rows.arrays())

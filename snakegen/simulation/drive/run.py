@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from snakegen.base.geometry import Floats, xyzw_from_wxyz
-from snakegen.base.sample_store import RowStore
+from snakegen.base.sample_store import RowStore, in_pieces
 from snakegen.description.mjcf.decorate import decorate
 from snakegen.description.mjcf.rolling_contact import meet_rollers
 from snakegen.errors import MissionError
@@ -73,14 +73,21 @@ def run_kinematic(robot: Robot, plan: DrivePlan, progress: Progress = None) -> D
     run = drive_kinematic(law.command, plan.reference, geometry, plan.start, plan.duration, STEP)
     out = Driven(robot, geometry)
     n, count = geometry.units, len(run.time)
-    base = np.zeros((count, 7))
-    base[:, :2], base[:, 2] = run.state[:, :2], geometry.r
-    yaw = run.state[:, 2]
-    base[:, 5], base[:, 6] = np.sin(yaw / 2), np.cos(yaw / 2)
-    joints = np.zeros((count, len(robot.joint_names)))
-    joints[:, _indices(robot, yaw_joints(robot))] = run.state[:, 3:]
-    turned = np.cumsum(run.command[:, :n], axis=0) * STEP
-    joints[:, _indices(robot, [s.joint for s in robot.modules.screws])] = turned
+    yaws, screws = yaw_joints(robot), [s.joint for s in robot.modules.screws]
+    turned = np.zeros(n)  # of the drums, up to the rows made
+
+    def poses(part: slice) -> tuple[Floats, Floats]:
+        state = run.state[part]
+        base, joints = np.zeros((len(state), 7)), np.zeros((len(state), len(robot.joint_names)))
+        base[:, :2], base[:, 2] = state[:, :2], geometry.r
+        base[:, 5], base[:, 6] = np.sin(state[:, 2] / 2), np.cos(state[:, 2] / 2)
+        joints[:, _indices(robot, yaws)] = state[:, 3:]
+        spun = turned + np.cumsum(run.command[part, :n], axis=0) * STEP
+        joints[:, _indices(robot, screws)] = spun
+        turned[:] = spun[-1]
+        return base, joints
+
+    base, joints = in_pieces(count, poses)
     out.rows = {
         "time": run.time,
         "state": run.state,

@@ -4,11 +4,12 @@ from snakegen.base.memory import refuse_beyond, room
 from snakegen.robot.robot import Robot
 from snakegen.simulation.run_settings import ARM_STEP
 
-# Peak bytes a tick and degree of freedom of runs that are held whole, from plan to written log:
-# 361 measured of screw4 (wheels count as none), 132 of arm6; flights with elastic links as drives.
+# Peak bytes a tick and degree of freedom of an arm's run, which is held whole, from plan to written
+# log: 132 measured of arm6.
 BYTES = 400
-# Bytes a tick of a flight that is recorded block by block: its plan, and what planning takes.
-STREAMED = 1200
+# Bytes a tick of a flight or drive, which is recorded piece by piece: times, and what planning and
+# judging take of a column.
+STREAMED = 400
 
 
 def refuse_too_long(robot: Robot, seconds: float, at_once: int = 1) -> None:
@@ -28,10 +29,7 @@ def refuse_too_long(robot: Robot, seconds: float, at_once: int = 1) -> None:
         float(robot.modules.control.get("attitude_rate", 200.0)) if robot.floating else 1 / ARM_STEP
     )
     freedoms = 6 + len(robot.chain_joints) + len(robot.gimbal_names) + len(robot.modules.screws)
-    own = robot.modules
-    elastic = own.plant.get("link_stiffness", 0.0) or own.control.get("vibration_damping", 0.0)
-    streamed = robot.floating and own.apparatuses and not own.screws and not elastic
-    second = (STREAMED if streamed else BYTES * freedoms) * rate * at_once
+    second = (STREAMED if robot.floating else BYTES * freedoms) * rate * at_once
     fits = int(0.9 * room() / second)  # by the time it is tried less may be free
     side_by_side = f", {at_once} side by side," if at_once > 1 else ""
     refuse_beyond(
