@@ -46,6 +46,7 @@ EXPLANATIONS: dict[str, tuple[tuple[str, str, str], ...]] = {
             _MARGINS,
         ),
         (r"hover, .*", "Thrust of each apparatus or rotor that carries the weight.", _MARGINS),
+        (r".*in streams", "A rotor below another has less thrust at the same speed.", _FLIGHTS),
         (r"power.*", "Electric power of hover, and how long the battery lasts.", _FLIGHTS),
         (
             r"moment of .*",
