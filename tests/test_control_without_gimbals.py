@@ -18,8 +18,9 @@ from snakegen.control.gains import Gains
 from snakegen.control.gimbal_reach import vectoring_share
 from snakegen.control.poles import flight_loops
 from snakegen.kernels.control.types import DUAL
+from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.run import prepare, run
-from snakegen.simulation.flight.tilt_budget import tilt_lags
+from snakegen.simulation.flight.tilt_budget import air_lags, tilt_lags
 from snakegen.simulation.flight.trim import SLOW_SECONDS
 
 PLUS = (0.0, 90.0, 180.0, 270.0)
@@ -185,3 +186,29 @@ def test_a_motion_by_tilting_lags_by_its_jerk(tmp_path):
     expected = 0.4 * omega**3 * late / law.force[0, 0] / np.sqrt(2.0)
     np.testing.assert_allclose(place, [expected, 0.0], rtol=1e-3, atol=1e-12)
     np.testing.assert_allclose(lean, [0.4 * omega**2 / 9.81 / np.sqrt(2.0), 0.0], rtol=2e-3)
+
+
+def test_a_motion_is_held_back_by_the_air_on_its_rotors(tmp_path):
+    """x = A sin ωt: g v / 2 v_h over K_p, high-passed at K_i / K_p."""
+    robot = multirotor(tmp_path, PLUS)
+    ready = prepare(robot, "hover", options={"duration": 200.0, "trim": 0.0})
+    plan, omega = ready.plan, 2.0 * np.pi / 8.0
+    wave = np.zeros((len(plan.time), 3))
+    wave[:, 2] = 0.3 * omega * np.cos(omega * plan.time)
+    found = air_lags(robot, ready.controller, replace(plan, velocity=wave), Imperfections())
+    (p, i, _), area = ready.controller.law.force[:, 2], 4 * np.pi * 0.05**2
+    hover = np.sqrt(robot.mass * 9.81 / (2.0 * 1.2 * area))
+    high = omega / np.hypot(omega, i / p)
+    expected = 9.81 * 0.3 * omega / (2.0 * hover) / p * high / np.sqrt(2.0)
+    np.testing.assert_allclose(found, [0.0, 0.0, expected], rtol=0.02, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_plain_multirotor_climbs_aslant_within_its_bounds(seed, tmp_path):
+    mission = tmp_path / "aslant.yaml"
+    mission.write_text(
+        "waypoints: [{time: 0, position: [0, 0, 1.5]}, {time: 4, position: [0.7, 0.7, 2.3]}, "
+        "{time: 6, position: [0.7, 0.7, 2.3]}]\n"
+    )
+    flown = run(multirotor(tmp_path), str(mission), seed=seed)
+    assert flown.verdict.passed, flown.verdict

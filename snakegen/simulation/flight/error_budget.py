@@ -25,7 +25,7 @@ from snakegen.robot.robot import GRAVITY, Robot
 from snakegen.simulation.flight.plan import Plan, farthest, gradient
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.postures import place
-from snakegen.simulation.flight.tilt_budget import displacement_left, tilt_lags
+from snakegen.simulation.flight.tilt_budget import air_lags, displacement_left, tilt_lags
 from snakegen.simulation.flight.trim import SETTLING, integral_rates
 
 SIGMAS = 3.0  # standard deviations that clamps allow for
@@ -179,6 +179,8 @@ def _lags(robot: Robot, controller: Controller, plan: Plan, what: Imperfections)
     late, leaning = tilt_lags(controller, plan)
     behind[:2] += late * tilts
     behind[[4, 3]] += leaning * tilts
+    if not robot.gimbal_names:  # factors of the others were fitted to flights with it
+        behind[:3] += air_lags(robot, controller, plan, what)
     return np.asarray(behind**2)
 
 

@@ -6,8 +6,9 @@ from snakegen.base.geometry import Floats
 from snakegen.base.sample_store import slices
 from snakegen.control.controller import Controller
 from snakegen.kernels.control.types import Law
-from snakegen.robot.robot import GRAVITY
+from snakegen.robot.robot import GRAVITY, Robot
 from snakegen.simulation.flight.plan import Plan, gradient
+from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.trim import integral_rates
 
 
@@ -29,6 +30,31 @@ def tilt_lags(controller: Controller, plan: Plan) -> tuple[Floats, Floats]:
         squares[1] += np.sum((bend[part, :2] / GRAVITY) ** 2, axis=0)
     place, lean = np.sqrt(squares / len(time))
     return place, lean
+
+
+def air_lags(robot: Robot, controller: Controller, plan: Plan, what: Imperfections) -> Floats:
+    """Returns the RMS errors (3,) [m] of a motion that the air on the rotors holds back.
+
+    A flow V along a rotor's axis takes ``T V / 2 v_h`` of its thrust, across it the momentum drag
+    ``ṁ V`` is as large: together ``g v / 2 v_h``, ``v_h = √(T / 2 ρ A)`` at hover. What remains is
+    that over K_p, high-passed by the integral (``K_p / K_i``).
+    """
+    from scipy.signal import lfilter
+
+    diameters = [r.diameter for a in robot.modules.apparatuses for r in a.rotors]
+    area = 0.25 * np.pi * float(np.sum(np.square(diameters)))
+    if what.air_density <= 0.0 or area <= 0.0 or len(plan.time) < 3:
+        return np.zeros(3)
+    hover = np.sqrt(robot.force_scale / (2.0 * what.air_density * area))
+    force, step = controller.law.force, float(plan.time[1] - plan.time[0])
+    kept = np.exp(-step * force[1] / force[0])
+    squares, past = np.zeros(3), np.zeros((3, 1))
+    for part in slices(len(plan.time)):
+        wanted = GRAVITY * plan.velocity[part] / (2.0 * hover) / force[0]
+        for k in range(3):
+            error, past[k] = lfilter([kept[k], -kept[k]], [1.0, -kept[k]], wanted[:, k], zi=past[k])
+            squares[k] += float(np.sum(error**2))
+    return np.asarray(np.sqrt(squares / max(len(plan.time) - plan.trim, 1)))
 
 
 def displacement_left(law: Law, trimmed: float, duration: float) -> Floats:
