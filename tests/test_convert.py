@@ -180,3 +180,17 @@ def test_command(arm: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert not stopped.value.code
     said = json.loads(capsys.readouterr().out)
     assert said["equivalence"]["passed"] and Path(said["scene"]).is_file()
+
+
+def test_thousands_of_frames_are_converted(tmp_path: Path) -> None:
+    """MuJoCo's collision stack for 3,000 bodies is larger than the memory that it takes itself."""
+    frames = "".join(
+        f'<link name="f{i}"/><joint name="w{i}" type="fixed"><parent link="a"/>'
+        f'<child link="f{i}"/></joint>'
+        for i in range(3000)
+    )
+    urdf = '<robot name="r"><link name="a"><inertial><mass value="1"/><inertia ixx="1" ixy="0" '
+    urdf += f'ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>{frames}</robot>'
+    (tmp_path / "r.urdf").write_text(urdf)
+    made = snakegen.convert(tmp_path / "r.urdf", tmp_path / "out")
+    assert mujoco.MjModel.from_xml_path(str(made.mjcf)).nbody > 3000

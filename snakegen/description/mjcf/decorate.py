@@ -33,6 +33,7 @@ _IMPORT = (
 )
 FLOOR_SQUARE = 0.25
 """Side of a square of the floor [m]: the checker has two by two, drawn `1 / (2 side)` a metre."""
+_MANY, _ARENA = 1500, 15 << 20  # bodies above which MuJoCo's own memory is too small; bytes
 _COLLISION_COLOUR = [0.9, 0.3, 0.3, 0.4]
 
 
@@ -81,8 +82,8 @@ def decorate(
             decorate_drive(spec, modules, rollers)
         _sensors(spec, root, modules)
         add_from_rest(spec, root, modules)
-    except ValueError as error:
-        raise DescriptionError(_refusal(str(error))) from None
+    except (ValueError, mujoco.FatalError) as error:
+        raise DescriptionError(_refusal(" ".join(str(error).split()))) from None
     return spec
 
 
@@ -98,6 +99,9 @@ def _refusal(error: str) -> str:
 
 
 def _options(spec: mujoco.MjSpec) -> None:
+    count = len(spec.bodies)
+    if count > _MANY:  # MuJoCo's collision stack grows as the square of the bodies
+        spec.memory = _ARENA + 3 * count**2
     spec.compiler.savecompiled = False
     spec.compiler.savecanonical = False
     spec.option.timestep = 0.001
