@@ -24,7 +24,7 @@ from snakegen.spec.loading import load_spec, presets
 from snakegen.spec.urdf import urdf_text
 from snakegen.statics.joint_torques import joint_torques
 
-CHAINS = int(os.environ.get("SNAKEGEN_CHAINS", "60"))
+CHAINS = int(os.environ.get("SNAKEGEN_CHAINS", "30"))
 POSTURES = 10
 
 

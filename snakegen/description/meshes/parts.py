@@ -15,7 +15,6 @@ from snakegen.base.atomic_io import write_atomically
 from snakegen.description.meshes import solids
 from snakegen.description.meshes.blades import fan_blade, ridge, wheel
 from snakegen.errors import DescriptionError
-from snakegen.spec import inertia
 
 Array = NDArray[np.float64]
 
@@ -68,81 +67,6 @@ def joint_cross(size: float = 1.0) -> Trimesh:
         body = solids.cylinder(r, -0.3 * size, 0.3 * size, axis)
         axle = solids.cylinder(0.45 * r, -0.42 * size, 0.42 * size, axis, 16)
         parts += [solids.moved(body, x), solids.moved(axle, x)]
-    return solids.joined(*parts)
-
-
-def u_bracket(width: float, reach: float, *, axis: str = "y") -> Trimesh:
-    """Returns a fork: a plate at x = 0, two arms, and holes' bosses on the joint axis at x = reach.
-
-    Args:
-        width: outer width along the joint axis [m].
-        reach: distance from the plate to the joint axis [m].
-        axis: the joint axis, ``y`` or ``z``.
-
-    Raises:
-        DescriptionError: a size that is not positive or another axis.
-    """
-    _positive(width=width, reach=reach)
-    if axis not in ("y", "z"):
-        raise DescriptionError(f"a bracket's joint axis is 'y' or 'z', not {axis!r}.")
-    wall, r, half = 0.1 * width, 0.28 * width, 0.5 * width
-    plate = solids.box((0.0, -half, -r), (wall, half, r))
-    parts = [plate]
-    for side in (-1.0, 1.0):
-        inner, outer = side * (half - wall), side * half
-        low, high = min(inner, outer), max(inner, outer)
-        boss = solids.cylinder(0.5 * r, low - 0.4 * wall, high + 0.4 * wall, "y")
-        parts += [solids.prism(solids.stadium(0.3 * wall, reach, r), "y", low, high)]
-        parts += [solids.moved(boss, reach)]
-    fork = solids.joined(*parts)
-    if axis == "z":
-        turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-        fork = Trimesh(fork.vertices @ turn.T, fork.faces, process=False)
-    return fork
-
-
-def gimbal_ring(inner_radius: float, width: float, *, pins: float = 0.25) -> Trimesh:
-    """Returns a ring round the x axis with two pins along y.
-
-    Args:
-        inner_radius: of the ring [m].
-        width: along x [m].
-        pins: length of a pin over the inner radius.
-    """
-    _positive(inner_radius=inner_radius, width=width, pins=pins)
-    outer = 1.16 * inner_radius
-    ring = solids.cylinder(outer, -0.5 * width, 0.5 * width, "x", 48, bore=inner_radius)
-    low, high = 1.06 * inner_radius, 1.16 * inner_radius + pins * inner_radius
-    right = solids.cylinder(0.35 * width, low, high, "y", 16)
-    left = solids.cylinder(0.35 * width, -high, -low, "y", 16)
-    return solids.joined(ring, left, right)
-
-
-def apparatus_yoke(tube_radius: float, offset: float, width: float) -> Trimesh:
-    """Returns the roll module: a sleeve on the link's tube and two posts up to the pitch axis.
-
-    Args:
-        tube_radius: of the link's tube along x [m].
-        offset: height of the pitch axis (along y) over the tube's axis [m].
-        width: outer distance of the posts along y [m].
-    """
-    _positive(tube_radius=tube_radius, offset=offset, width=width)
-    sleeve = 1.45 * tube_radius
-    post, half = 0.08 * width, 0.5 * width
-    parts = [solids.cylinder(sleeve, -1.5 * sleeve, 1.5 * sleeve, "x", 32, bore=tube_radius)]
-    # the foot stays over the bore, so that the tube passes
-    foot = max(tube_radius, 0.2 * offset)
-    parts.append(
-        solids.box((-0.6 * sleeve, -half, foot), (0.6 * sleeve, half, foot + 0.5 * sleeve))
-    )
-    # a little inside the foot: edges that coincide would weld into edges of four faces
-    base, top = foot + 0.1 * sleeve, max(offset, foot + 0.5 * sleeve)
-    outline = solids.stadium(base, top, 0.55 * sleeve)[:, ::-1]
-    for side in (-1.0, 1.0):
-        low, high = sorted((side * (half - post), side * half))
-        parts.append(solids.prism(outline, "y", low, high))
-        eye = solids.cylinder(0.35 * sleeve, low - 0.3 * post, high + 0.3 * post, "y", 16)
-        parts.append(solids.moved(eye, z=offset))
     return solids.joined(*parts)
 
 
@@ -226,40 +150,6 @@ def stl_bytes(mesh: Trimesh) -> bytes:
     rows["corners"] = corners
     header = b"binary STL, metres, made by snakegen".ljust(80, b"\0")
     return header + np.uint32(len(rows)).astype("<u4").tobytes() + rows.tobytes()
-
-
-def box_inertia(mass: float, size: tuple[float, float, float]) -> Array:
-    """Returns the (3, 3) inertia [kg m²] about its centre of a box of edges `size` [m]."""
-    return np.diag(inertia.box(mass, size))
-
-
-def cylinder_inertia(mass: float, radius: float, length: float) -> Array:
-    """Returns the (3, 3) inertia [kg m²] about its centre of a solid cylinder along x."""
-    return np.diag(inertia.cylinder(mass, radius, length))
-
-
-def tube_inertia(mass: float, outer_radius: float, inner_radius: float, length: float) -> Array:
-    """Returns the (3, 3) inertia [kg m²] about its centre of a tube along x."""
-    return np.diag(inertia.tube(mass, outer_radius, outer_radius - inner_radius, length))
-
-
-def mesh_inertia(mesh: Trimesh, mass: float) -> tuple[Array, Array]:
-    """Returns the centre of mass (3,) [m] and the (3, 3) inertia about it of a filled mesh.
-
-    Args:
-        mesh: a closed mesh with outward normals; its density is uniform.
-        mass: of the whole [kg].
-
-    Raises:
-        DescriptionError: a mesh with holes or without volume, whose inertia means nothing.
-    """
-    if not mesh.is_watertight or mesh.volume <= 0.0:
-        raise DescriptionError(
-            "the mesh is not closed with outward normals, so it has no volume to spread a mass "
-            "over; close it, or give the inertia."
-        )
-    properties = mesh.mass_properties
-    return np.array(properties.center_mass), np.array(properties.inertia) * (mass / mesh.volume)
 
 
 def _positive(**values: float) -> None:

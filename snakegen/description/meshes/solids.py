@@ -84,13 +84,6 @@ def cylinder(
     return turned(np.array(profile), sections, turn)
 
 
-def stadium(x0: float, x1: float, radius: float, facets: int = 12) -> Array:
-    """Returns the (k, 2) outline of a bar from x0 to x1 with a round end of `radius` at x1 [m]."""
-    angle = np.linspace(-np.pi / 2, np.pi / 2, facets + 1)
-    arc = np.stack([x1 + radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-    return np.concatenate([[[x0, -radius]], arc, [[x0, radius]]])
-
-
 def moved(solid: Trimesh, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Trimesh:
     """Returns the solid shifted by (x, y, z) [m]."""
     return Trimesh(solid.vertices + np.array([x, y, z]), solid.faces, process=False)
