@@ -34,8 +34,9 @@ def curve(words: list[str], file: Path) -> tuple[list[float], list[float], float
     )
     begun, at, memory = time.monotonic(), [], []
     while child.poll() is None:
-        at.append(time.monotonic() - begun)
-        memory.append(resident(child.pid) / 1e6)
+        if found := resident(child.pid):  # none of a process that has just ended
+            at.append(time.monotonic() - begun)
+            memory.append(found / 1e6)
         time.sleep(0.5)
     if child.returncode not in (0, 3):
         raise SystemExit(f"{' '.join(words)}: exit {child.returncode}")
@@ -114,7 +115,11 @@ def main() -> None:
             add(flights, f"drive, {t:g} s", words, log, t)
     for kind, curves in (("sweep", sweeps), ("flight", flights)):
         if curves:
-            draw(options.out / f"memory_{kind}.png", f"Memory of a {kind}", curves)
+            draw(
+                options.out / f"memory_{kind}.png",
+                f"Memory of a {kind}" if kind == "sweep" else "Memory of a run",
+                curves,
+            )
 
 
 if __name__ == "__main__":

@@ -292,3 +292,15 @@ def test_the_lock_of_a_name_without_flock_is_its_process(
     with exclusive(target):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_error_of_many_files_is_one_line_with_the_name_given(tmp_path: Path) -> None:
+    """What copying a tree raises names each file twice; the folder is named as given."""
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    why = "[Errno 28] No space left on device: 'a' -> 'b'"
+    with pytest.raises(SnakegenError) as error, folder_whole(tmp_path / "link"):
+        raise shutil.Error([("a", "b", why), ("c", "d", why)])
+    assert str(error.value) == (
+        f"{tmp_path / 'link'}: cannot be written (No space left on device)."
+    )

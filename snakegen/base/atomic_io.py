@@ -43,6 +43,9 @@ def send_again(signum: int = signal.SIGINT) -> None:
 
 
 def _reason(error: OSError) -> str:
+    if isinstance(error, shutil.Error) and error.args and isinstance(error.args[0], list):
+        first = str(error.args[0][0][-1])  # of many files, each with where from, where to and why
+        return first.split("] ", 1)[-1].split(": '", 1)[0]
     return error.strerror or str(error)
 
 
@@ -132,7 +135,7 @@ def work_folder(parent: Path, target: Path, shown: Path) -> Iterator[Path]:
     Raises:
         SnakegenError: it cannot be made, or an error of the system within the block.
     """
-    with writing(target):
+    with writing(shown):
         for left in parent.glob(f".{glob.escape(target.name)}.*.work"):
             shutil.rmtree(left, ignore_errors=True)
         beside = parent / f".{target.name}.{secrets.token_hex(4)}.work"

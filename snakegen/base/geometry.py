@@ -57,17 +57,21 @@ def rotation_onto(direction: ArrayLike) -> Floats:
 
 
 def rotation_from_rpy(rpy: ArrayLike) -> Floats:
-    """Returns ``Rz(yaw) Ry(pitch) Rx(roll)`` of `rpy` (rad), URDF's and ROS' fixed-axis order."""
-    roll, pitch, yaw = np.asarray(rpy, float)
+    """Returns ``Rz(yaw) Ry(pitch) Rx(roll)`` of `rpy` (rad), URDF's and ROS' fixed-axis order.
+
+    Of one (3,) or of many (…, 3).
+    """
+    roll, pitch, yaw = np.moveaxis(np.asarray(rpy, float), -1, 0)
     cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     cy, sy = np.cos(yaw), np.sin(yaw)
-    return np.array(
+    out = np.array(
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
             [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
             [-sp, cp * sr, cp * cr],
         ]
     )
+    return np.moveaxis(out, (0, 1), (-2, -1))
 
 
 def rpy_from_rotation(rotation: ArrayLike) -> Floats:

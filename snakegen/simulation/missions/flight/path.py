@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.base import yaml_file
-from snakegen.base.geometry import Floats, rotation_from_rpy, unskew
+from snakegen.base.geometry import Floats, rotation_from_rpy
 from snakegen.base.sample_store import in_pieces
 from snakegen.errors import MissionError, near
 from snakegen.planning.plan_file import is_plan
@@ -138,9 +138,10 @@ def _turning(value: Floats, part: slice, rate: float) -> tuple[Floats, Floats]:
         rate: rows a second.
     """
     angles = value[part.start : part.stop + 1, 3:6]
-    rotation = np.array([rotation_from_rpy(x) for x in angles])
-    step = np.einsum("tji,tjk->tik", rotation[:-1], rotation[1:])
-    turned = np.array([unskew(0.5 * (s - s.T)) * rate for s in step]).reshape(-1, 3)
+    rotation = np.ascontiguousarray(rotation_from_rpy(angles))
+    s = np.einsum("tji,tjk->tik", rotation[:-1], rotation[1:])
+    skew = [s[:, 2, 1] - s[:, 1, 2], s[:, 0, 2] - s[:, 2, 0], s[:, 1, 0] - s[:, 0, 1]]
+    turned = 0.5 * rate * np.stack(skew, axis=1)
     count = part.stop - part.start
     still = np.zeros((count - len(turned), 3))  # the last row of all
     return rotation[:count], np.vstack([turned, still])
