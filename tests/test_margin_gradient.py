@@ -116,13 +116,13 @@ def test_masses_limits_and_drag_against_central_differences(robots, mode, kind):
             step = np.repeat(0.5 * step, 2)
         return value(changed(rotors=rotors._replace(thrust_max=rotors.thrust_max + step)))
 
-    close(found.by("thrust_limits"), central(of_limit, len(found.bodies)))
+    close(found.by("thrust_limits"), central(of_limit, len(found.bodies[0])))
     if mode == DUAL:
 
         def of_drag(step):
             return value(changed(rotors=rotors._replace(torque_ratio=rotors.torque_ratio + step)))
 
-        close(found.by("drag"), central(of_drag, len(found.bodies)))
+        close(found.by("drag"), central(of_drag, len(found.bodies[0])))
 
 
 def test_apparatus_on_the_twist_axis_is_smooth_with_its_balancing_force(robots):

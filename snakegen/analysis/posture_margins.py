@@ -106,8 +106,7 @@ class PostureMargins:
                 or as `snakegen.margin_gradient` takes it.
 
         Raises:
-            AnalysisError: no such margin, hover out of reach, or limited gimbals in
-                virtual-single-rotor mode.
+            AnalysisError: no such margin, hover out of reach, or an optimum that was not found.
         """
         robot = self.configuration.robot
         assert isinstance(robot, Robot)

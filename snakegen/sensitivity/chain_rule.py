@@ -60,25 +60,31 @@ class TreeGradient:
 
 
 def tree_gradient(
-    tree: Tree, poses: BodyPoses, bodies: Ints, points: Floats, pulls: Floats, couples: Floats
+    tree: Tree,
+    poses: BodyPoses,
+    bodies: tuple[Ints, Ints],
+    points: Floats,
+    pulls: Floats,
+    couples: Floats,
 ) -> TreeGradient:
     """Returns the derivatives by the tree's numbers.
 
     Args:
         tree: of the robot.
         poses: at the posture.
-        bodies: (k,) which body carries each point.
+        bodies: (k,) and (k,), which body carries each point, and which one turns its force.
         points: (k, 3) m, from the CoG.
         pulls: (k, 3) ∂m/∂p, the CoG held.
-        couples: (k, 3) ∂m/∂(rotation vector of what the body carries).
+        couples: (k, 3) ∂m/∂(rotation vector of what turns the force).
     """
     n, total = tree.mass.size, pulls.sum(axis=0)
     share = tree.mass / poses.mass
     force = -share[:, None] * total  # on each centre of mass
     moment = np.cross(poses.centres, force)
     at = points + poses.cog
-    np.add.at(force, bodies, pulls)
-    np.add.at(moment, bodies, np.cross(at, pulls) + couples)
+    np.add.at(force, bodies[0], pulls)
+    np.add.at(moment, bodies[0], np.cross(at, pulls))
+    np.add.at(moment, bodies[1], couples)
     for i in range(n - 1, 0, -1):
         force[tree.parent[i]] += force[i]
         moment[tree.parent[i]] += moment[i]
@@ -92,5 +98,5 @@ def tree_gradient(
         np.einsum("iba,ib->ia", above, force),
         -(poses.centres - poses.cog) @ total / poses.mass,
         -share[:, None] * (poses.rotation.transpose(0, 2, 1) @ total),
-        np.einsum("kba,kb->ka", poses.rotation[bodies], pulls),
+        np.einsum("kba,kb->ka", poses.rotation[bodies[0]], pulls),
     )

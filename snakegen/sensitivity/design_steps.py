@@ -17,7 +17,7 @@ def design_steps(robot: Robot, q: Floats, mode: str = VIRTUAL) -> DesignSteps:
     hover is out of reach, force and torque.
 
     Raises:
-        AnalysisError: a robot that cannot hover, or limited gimbals in virtual-single-rotor mode.
+        AnalysisError: a robot that cannot hover, or limited gimbals' optimum that was not found.
     """
     wrench = margin_gradients(robot, q, "wrench", mode)
     kinds = ("force", "torque") if wrench.value >= 0.0 else ()

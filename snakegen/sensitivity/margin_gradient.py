@@ -11,12 +11,14 @@ from snakegen.errors import AnalysisError, near
 from snakegen.kernels.allocation.wrench_map import dual_map, rotor_frames
 from snakegen.robot.robot import GRAVITY, Robot
 from snakegen.sensitivity.chain_rule import BodyPoses, TreeGradient, tree_gradient
-from snakegen.wrench_margins.gradients import KINDS, Optimum, thrust_optima, vectored_optima
+from snakegen.wrench_margins.facet_optima import thrust_optima
+from snakegen.wrench_margins.gradients import KINDS, Optimum, vectored_optima
 from snakegen.wrench_margins.thrust import thrust_margins
 from snakegen.wrench_margins.vectored import set_margins
 
 VIRTUAL, DUAL = "virtual_single_rotor", "dual_rotor"
 MODES = {VIRTUAL: VIRTUAL, DUAL: DUAL, "virtual": VIRTUAL, "dual": DUAL}
+APART = 0.01  # relative gap of bounds above which a derivative may be that of another direction
 BY = (
     "joints", "attitude", "thrust_points", "thrust_limits", "thrust_minimums", "drag",
     "masses", "centres_of_mass",
@@ -33,7 +35,8 @@ class MarginGradient:
         kind, mode: which margin.
         pieces: optima whose values tie, one where the margin is smooth; none where it is 0 for
             lack of rank.
-        bodies: (k,) body that carries each force.
+        bodies: (k,) body that carries each force, (k,) body that turns it, or its set.
+        apart: relative gap of the margin's bounds, where they do not meet.
     """
 
     robot: Robot
@@ -42,7 +45,8 @@ class MarginGradient:
     kind: str
     mode: str
     pieces: tuple[Optimum, ...]
-    bodies: Any
+    bodies: tuple[Any, Any]
+    apart: float = 0.0
 
     @property
     def value(self) -> float:
@@ -56,6 +60,11 @@ class MarginGradient:
             return "a direction is lost: the margin is 0 and cannot fall, so 0 is a subgradient"
         if len(self.pieces) > 1:
             return f"{len(self.pieces)} directions tie: the derivative is that of the first piece"
+        if self.apart > APART:
+            return (
+                f"the margin's bounds are {100.0 * self.apart:.1f} % apart: the derivative is that "
+                "of the weakest direction known"
+            )
         return ""
 
     @cached_property
@@ -105,7 +114,7 @@ class MarginGradient:
         )
 
     def _shape(self, wrt: str) -> tuple[int, ...]:
-        n, k = self.robot.tree.mass.size, len(self.bodies)
+        n, k = self.robot.tree.mass.size, len(self.bodies[0])
         return {
             "joints": (n - 1,), "attitude": (3,), "thrust_points": (k, 3), "masses": (n,),
             "centres_of_mass": (n, 3),
@@ -126,7 +135,7 @@ def margin_gradients(
 
     Raises:
         AnalysisError: a robot without rotors or with a fixed base, an unknown kind or mode, hover
-            out of reach, or limited gimbals in virtual-single-rotor mode.
+            out of reach, or an optimum that was not found.
     """
     if mode not in MODES:
         raise AnalysisError(f"mode '{mode}' is unknown.{near(mode, (VIRTUAL, DUAL))}")
@@ -146,7 +155,9 @@ def margin_gradients(
     }
     if mode == VIRTUAL:
         found = set_margins(robot.force_sets(q), hover, wrench_starts=0, **scale)
-        pieces, bodies = vectored_optima(found, kind), robot.gimbals.thrust_body
+        pieces, bodies = vectored_optima(found, kind), (robot.gimbals.thrust_body, _mounts(robot))
+        low, high = found.bounds[KINDS.index(kind)]
+        apart = 1.0 - low / high if found.hull and kind != "wrench" and high > 0.0 else 0.0
     else:
         rotors = robot.rotors
         points, axes = rotor_frames(
@@ -155,8 +166,16 @@ def margin_gradients(
         dual = dual_map(rotors, points, axes)
         exact = thrust_margins(dual, rotors.thrust_min, rotors.thrust_max, hover, **scale)
         pieces = thrust_optima(exact, kind, points, rotors.torque_ratio, ties)
-        bodies = rotors.body
-    return MarginGradient(robot, angles, up, kind, mode, pieces, bodies)
+        bodies, apart = (rotors.body, rotors.body), 0.0
+    return MarginGradient(robot, angles, up, kind, mode, pieces, bodies, float(apart))
+
+
+def _mounts(robot: Robot) -> Any:
+    """Returns (k,) the body that carries each apparatus' first gimbal joint, or its rotors."""
+    g = robot.gimbals
+    joints = np.sort(np.stack([g.roll_body, g.pitch_body], axis=1), axis=1)
+    first = np.where(joints[:, 0] >= 0, joints[:, 0], joints[:, 1])
+    return np.where(first >= 0, robot.tree.parent[np.maximum(first, 0)], g.thrust_body)
 
 
 def margin_gradient(

@@ -11,8 +11,6 @@ has a kink: then every optimum is one piece, and any of them a valid (Clarke) su
 """
 
 from dataclasses import dataclass
-from itertools import combinations
-from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +18,7 @@ from numpy.typing import NDArray
 from snakegen.errors import AnalysisError
 from snakegen.kernels.margins.inner_radius import radius, work_space
 from snakegen.wrench_margins.saddle_point import ROUNDED, Saddle, force_jacobians, saddle_point
-from snakegen.wrench_margins.thrust import ThrustMargins
+from snakegen.wrench_margins.set_optima import angles_of, set_saddle
 from snakegen.wrench_margins.vectored import STARTS, set_margins
 from snakegen.wrench_margins.vectored_result import VectoredMargins
 from snakegen.wrench_margins.wrench_search import fall, start_directions
@@ -28,12 +26,11 @@ from snakegen.wrench_margins.wrench_search import fall, start_directions
 Floats = NDArray[np.float64]
 KINDS = ("wrench", "force", "torque", "attitude_altitude")
 TIE = 1e-9  # relative: values this near are one value, and its directions pieces of a kink
-FREE = 1e-9  # of the largest product with the normal: a rotor in the facet
 FINE = 1e-6  # tolerance of the search, where the first one's twist leads astray
 NEARLY = 1.02  # of the least support: a direction from which Newton's method may find a tie
 APART = 0.2  # directions nearer than this lead to one optimum
 SCATTERED = 24  # starts for other directions
-FACETS = 5000  # enumerated for ties
+LOOSE = 1e-6  # share of an upper bound by which an optimum may pass the bounds
 UNIT = {
     "wrench": np.ones(6),
     "force": np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]),
@@ -110,20 +107,15 @@ def vectored_optima(m: VectoredMargins, kind: str) -> tuple[Optimum, ...]:
     being 0 there and nowhere less.
 
     Raises:
-        AnalysisError: hover out of reach, no such margin, sets whose forces have no closed
-            projection (limited gimbals, least thrusts), or an optimum that was not found.
+        AnalysisError: hover out of reach, no such margin, or an optimum that was not found.
     """
     if kind not in KINDS[:3]:
         raise AnalysisError(f"vectored margins are wrench, force and torque, not '{kind}'.")
     if m.sets.points.ndim == 3:
         raise AnalysisError("derivatives are of one posture: index the batch first.")
-    if m.hull:
-        raise AnalysisError(
-            "derivatives of vectored margins need convex force sets: free gimbals, one tilt axis "
-            "or fixed rotors without a least thrust; use mode dual_rotor for limited gimbals."
-        )
     at = KINDS.index(kind)
-    _feasible(bool(m.bounds[0, 1] >= 0.0) or kind == "wrench", kind)
+    within = m.bounds[0, 0] if m.hull else m.bounds[0, 1]
+    feasible(bool(within >= 0.0) or (kind == "wrench" and not m.hull), kind)
     if m.bounds[at, 1] == 0.0:
         return ()
     scale, unit = m.scale, UNIT[kind]
@@ -135,6 +127,9 @@ def vectored_optima(m: VectoredMargins, kind: str) -> tuple[Optimum, ...]:
         starts += _other_starts(m, kind, problem)
     size = (1.0, scale[0], scale[3])[at]
     limit = m.bounds[at, 1] / size
+    if m.hull:
+        least = m.bounds[at, 0] / size
+        return _limited(m, kind, starts, (least, limit), size)
 
     def near(d: Floats) -> list[Saddle]:
         for rounded in ROUNDED:
@@ -153,6 +148,48 @@ def vectored_optima(m: VectoredMargins, kind: str) -> tuple[Optimum, ...]:
         [s for s in sorted(fit, key=lambda s: s.value) if s.value <= least + TIE * abs(least)]
     )
     return tuple(_vectored(m, kind, s, size) for s in pieces)
+
+
+def _limited(
+    m: VectoredMargins, kind: str, starts: list[Floats], bounds: tuple[float, float], size: float
+) -> tuple[Optimum, ...]:
+    """Returns the optima of a margin of sets that are not convex: the least first, then its ties.
+
+    Those between the margin's bounds: what lies below is no margin, since the bound is certain.
+    """
+    fit: list[Saddle] = []
+    for d in starts:
+        s = set_saddle(m.sets, m.scale, m.hover_wrench / m.scale, UNIT[kind], d)
+        loose = LOOSE * abs(bounds[1])
+        if s.solved and bounds[0] - loose <= s.value <= bounds[1] + loose:
+            fit.append(s)
+    if not fit:
+        raise AnalysisError(
+            f"the {kind} margin's optimum was not found between its bounds, "
+            f"{bounds[0] * size:.4g} … {bounds[1] * size:.4g}: limited gimbals or least thrusts "
+            "cut into what is in reach there; a posture nearby, or mode dual_rotor, may have a "
+            "derivative."
+        )
+    least = min(s.value for s in fit)
+    pieces = _distinct(
+        [s for s in sorted(fit, key=lambda s: s.value) if s.value <= least + TIE * abs(least)]
+    )
+    return tuple(_limited_optimum(m, kind, s, size) for s in pieces)
+
+
+def _limited_optimum(m: VectoredMargins, kind: str, s: Saddle, size: float) -> Optimum:
+    sets = m.sets
+    thrust = angles_of(sets, s.forces * m.scale[0])[0]
+    speed = force_jacobians(sets.stacked(m.scale)[0][0]) @ s.twist * size / m.scale[0]
+    along = np.einsum("ja,ja->j", speed, s.forces * m.scale[0])
+    along = np.divide(along, thrust, out=np.zeros_like(along), where=thrust != 0.0)
+    near = 1e-9 * sets.strengths
+    by_high = np.where(thrust >= sets.high - near, np.maximum(along, 0.0), 0.0)
+    by_low = np.where(thrust <= sets.low + near, np.minimum(along, 0.0), 0.0)
+    return Optimum(
+        kind, s.value * size, s.twist * size / m.scale, sets.points, s.forces * m.scale[0],
+        sets.drag, by_high, by_low, True, m.hover_wrench, m.scale,
+    )  # fmt: skip
 
 
 def _finer(m: VectoredMargins) -> VectoredMargins:
@@ -230,91 +267,7 @@ def _distinct(found: list[Saddle]) -> list[Saddle]:
     return out
 
 
-def thrust_optima(
-    m: ThrustMargins, kind: str, points: Floats, drag: Floats, ties: bool = True
-) -> tuple[Optimum, ...]:
-    """Returns the optima of a dual-rotor margin of one posture: the least first, then its ties.
-
-    Empty where the margin is 0 because a direction is lost.
-
-    Args:
-        m: of one posture; the columns of its Q are ``[u; p × u + c u]``.
-        kind: "wrench", "force", "torque" or "attitude_altitude".
-        points: (n, 3) m, p of the rotors, from the CoG.
-        drag: (n,) m, their c.
-        ties: look for other facets at the same value too.
-
-    Raises:
-        AnalysisError: hover out of reach, or no such margin.
-    """
-    if kind not in KINDS:
-        raise AnalysisError(f"there is no margin '{kind}'; there are {', '.join(KINDS)}.")
-    if m.allocation.ndim == 3:
-        raise AnalysisError("derivatives are of one posture: index the batch first.")
-    value = float(getattr(m, kind))
-    _feasible(np.isfinite(value), kind)
-    if value == 0.0:
-        return ()
-    normals = [m.normals[KINDS.index(kind)]]
-    if ties and value > 0.0 and m.rank == 6 and comb(len(m.lower), 5) <= FACETS:
-        normals += _tied_normals(m, kind, value)
-    pieces: list[Optimum] = []
-    for normal in normals:
-        d = normal / np.sqrt((normal**2 * UNIT[kind]).sum())
-        size = {"force": m.scale[0], "torque": m.scale[3]}.get(kind, 1.0)
-        twist = d * size / m.scale
-        if all(np.abs((twist - o.twist) * m.scale).max() > 1e-6 * size for o in pieces):
-            pieces.append(_touching(m, kind, value, twist, points, drag))
-    return tuple(pieces)
-
-
-def _tied_normals(m: ThrustMargins, kind: str, value: float) -> list[Floats]:
-    """Returns the scaled facet normals at which a margin of full rank is reached too."""
-    a = m.allocation * (m.upper - m.lower) / m.scale[:, None]
-    sub = np.array(list(combinations(range(a.shape[1]), 5)))
-    u, s, _ = np.linalg.svd(a[:, sub].transpose(1, 0, 2))
-    normal = u[:, :, 5][s[:, 4] > 1e-9 * s[:, 0]]
-    if kind == "attitude_altitude":
-        return []
-    y = (m.hover_wrench - m.allocation @ (0.5 * (m.lower + m.upper))) / m.scale
-    normal = np.vstack([normal, -normal])
-    slack = 0.5 * np.abs(normal @ a).sum(axis=1) - normal @ y
-    length = np.sqrt((normal**2 * UNIT[kind]).sum(axis=1))
-    size = {"force": m.scale[0], "torque": m.scale[3]}.get(kind, 1.0)
-    tied = slack * size <= value * (1.0 + TIE) * length
-    return list(normal[tied & (length > 1e-9)])
-
-
-def _touching(
-    m: ThrustMargins, kind: str, value: float, twist: Floats, points: Floats, drag: Floats
-) -> Optimum:
-    """Returns the optimum of a facet: thrusts at limits, and in the facet what balances."""
-    from scipy.optimize import lsq_linear
-
-    product = twist @ m.allocation
-    size = np.abs(product * (m.upper - m.lower)).max(initial=0.0)
-    free = np.abs(product * (m.upper - m.lower)) <= FREE * size
-    thrust = np.where(product > 0.0, m.upper, m.lower)
-    direction = UNIT[kind] * (twist * m.scale) * m.scale
-    if kind in ("force", "torque"):
-        direction = UNIT[kind] * twist
-    if free.any():
-        rest = m.hover_wrench + value * direction - m.allocation[:, ~free] @ thrust[~free]
-        rows = np.flatnonzero(UNIT[kind]) if kind == "attitude_altitude" else np.arange(6)
-        a = (m.allocation[:, free] / m.scale[:, None])[rows]
-        b = (rest / m.scale)[rows]
-        thrust[free] = np.linalg.lstsq(a, b, rcond=1e-12)[0]
-        out = (thrust < m.lower - 1e-9 * m.upper.max()) | (thrust > m.upper + 1e-9 * m.upper.max())
-        if (out & free).any():  # more rotors in the facet than it takes: any feasible share
-            thrust[free] = lsq_linear(a, b, (m.lower[free], m.upper[free]), tol=1e-14).x
-    q = m.allocation
-    return Optimum(
-        kind, value, twist, points, (thrust * q[:3]).T, drag,
-        np.maximum(product, 0.0), np.minimum(product, 0.0), True, m.hover_wrench, m.scale,
-    )  # fmt: skip
-
-
-def _feasible(yes: bool, kind: str) -> None:
+def feasible(yes: bool, kind: str) -> None:
     if not yes:
         raise AnalysisError(
             f"the {kind} margin is undefined: hover is out of reach; the wrench margin's "
