@@ -304,3 +304,15 @@ def test_an_error_of_many_files_is_one_line_with_the_name_given(tmp_path: Path) 
     assert str(error.value) == (
         f"{tmp_path / 'link'}: cannot be written (No space left on device)."
     )
+
+
+def test_a_lock_on_a_full_disk_leaves_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "pwrite", full)
+    with pytest.raises(SnakegenError, match="No space left"), exclusive(tmp_path / "f.rrd"):
+        pass
+    assert not list(tmp_path.iterdir())

@@ -74,13 +74,22 @@ def _acquire(path: Path, target: Path) -> int:
             if held is False or _is_alive(owner, known_free=held is True):
                 raise InUseError(_refusal(target, path, owner))
             if _same_file(handle, path):
-                os.ftruncate(handle, 0)
-                os.pwrite(handle, json.dumps(_myself()).encode(), 0)
+                _sign(handle, path)
                 return handle
         except BaseException:
             os.close(handle)
             raise
         os.close(handle)  # its last owner removed it between opening and locking: once more
+
+
+def _sign(handle: int, path: Path) -> None:
+    """Writes this process into the lock file that it holds; on a full disk none is left."""
+    try:
+        os.ftruncate(handle, 0)
+        os.pwrite(handle, json.dumps(_myself()).encode(), 0)
+    except OSError:
+        path.unlink(missing_ok=True)
+        raise
 
 
 def _flock(handle: int) -> bool | None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from snakegen import __version__
+from snakegen.base.atomic_io import write_atomically, writing
 from snakegen.base.geometry import Floats
 from snakegen.design_search.evaluate import Score, evaluate
 from snakegen.design_search.problem import Problem
@@ -101,8 +102,11 @@ class Scorer:
         """
         if self._journal is None or not self._journal.is_file():
             return
-        lines = self._journal.read_text(encoding="utf-8").splitlines()
-        head = json.loads(lines[0]) if lines else {}
+        lines = self._journal.read_text(encoding="utf-8", errors="replace").splitlines()
+        try:
+            head = json.loads(lines[0]) if lines else {}
+        except ValueError:  # damaged
+            head = {}
         if head != header(self.problem, seed):
             raise StudyError(
                 f"{self._journal}: is of another study, seed or version of snakegen; leave "
@@ -111,15 +115,15 @@ class Scorer:
         for line in lines[1:]:
             try:
                 row = json.loads(line)
-            except json.JSONDecodeError:  # the line that a kill cut off
-                continue
-            values = {k: -np.inf if v is None else v for k, v in row["values"].items()}
-            self._stored[tuple(row["x"])] = Score(values, row["violated"])
+                values = {k: -np.inf if v is None else v for k, v in row["values"].items()}
+                self._stored[tuple(row["x"])] = Score(values, row["violated"])
+            except (ValueError, KeyError, TypeError, AttributeError):
+                continue  # the line that a kill or a full disk cut off
 
     def begin(self, seed: int) -> None:
         """Starts a journal, or keeps the one that was read."""
         if self._journal is not None and not self._stored:
-            self._journal.write_text(json.dumps(header(self.problem, seed)) + "\n", "utf-8")
+            write_atomically(self._journal, json.dumps(header(self.problem, seed)) + "\n")
 
     def many(self, rows: Floats) -> list[Score]:
         """Returns the scores of (m, d) design vectors.
@@ -169,7 +173,7 @@ class Scorer:
     def _write(self, chunk: list[tuple[float, ...]], scores: list[Score]) -> None:
         if self._journal is None:
             return
-        with self._journal.open("a", encoding="utf-8") as file:
+        with writing(self._journal), self._journal.open("a", encoding="utf-8") as file:
             for x, s in zip(chunk, scores, strict=True):
                 values = {k: v if np.isfinite(v) else None for k, v in s.values.items()}
                 row = {"x": list(x), "values": values, "violated": s.violated}

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from snakegen.base.atomic_io import write_atomically
+from snakegen.base.file_lock import exclusive
 from snakegen.design_search.bound import Bound, prove
 from snakegen.design_search.evaluate import evaluate
 from snakegen.design_search.executor import Scorer, workers
@@ -56,12 +57,12 @@ def run_study(
 
     Raises:
         StudyError: a mistake in the study, no feasible design, or a journal of another study.
+        SnakegenError: the folder cannot be written, or another process writes it.
     """
     study = read_study(path)
     begun = time.monotonic()
     tell(f"{study.name}: reading {study.robot}")
     problem = prepare(study, path.parent)
-    folder.mkdir(parents=True, exist_ok=True)
     seconds = None if minutes is None else 60.0 * minutes
     proving = study.search.bound
     share = SEARCHING if proving else 0.9
@@ -71,7 +72,8 @@ def run_study(
     evaluate(
         problem, np.where(problem.whole, problem.low, middle)
     )  # compiles, once for all workers
-    with workers(processes or os.cpu_count() or 1, cluster) as pool:
+    lock = folder / f".{JOURNAL}.lock"
+    with exclusive(folder, lock), workers(processes or os.cpu_count() or 1, cluster) as pool:
         scorer = Scorer(
             problem, pool, folder / JOURNAL, lambda n: step(min(n, total), total), deadline
         )
@@ -89,12 +91,12 @@ def run_study(
                 found = replace(found, front=(bound.design, *found.front))
         tell(f"{study.name}: certifying the front")
         front = shown_designs(problem, found, scorer.final)
-    given = given_design(problem, path.parent)
-    result = StudyResult(
-        study, seed, tuple(front), given, bound, found.scored, took, found.complete,
-        best_by_choice(problem, scorer.known),
-    )  # fmt: skip
-    _write(result, scorer, folder)
+        given = given_design(problem, path.parent)
+        result = StudyResult(
+            study, seed, tuple(front), given, bound, found.scored, took, found.complete,
+            best_by_choice(problem, scorer.known),
+        )  # fmt: skip
+        _write(result, scorer, folder)
     return result
 
 
