@@ -79,3 +79,22 @@ def test_a_parquet_of_many_rows_in_few_bytes_is_refused_unread(
     monkeypatch.setattr(memory, "available", lambda: 10_000_000)
     with pytest.raises(AnalysisError, match=r"1,000,000 rows .* fewer rows or columns"):
         read_number_table(path)
+
+
+def test_a_chain_too_deep_for_pinocchio_is_refused(tmp_path: Path) -> None:
+    """Its parser recurses: at 4,000 links in a row the process would end by signal 11."""
+    links = "".join(f'<link name="c{i}"/>' for i in range(3200))
+    joints = "".join(
+        f'<joint name="k{i}" type="fixed"><parent link="c{i}"/><child link="c{i + 1}"/></joint>'
+        for i in range(3199)
+    )
+    mass = '<link name="end"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" '
+    mass += 'ixz="0" iyz="0"/></inertial></link><joint name="last" type="fixed"><parent '
+    path = tmp_path / "deep.urdf"
+    text = (
+        f'<robot name="deep">{links}{joints}{mass}link="{{}}"/><child link="end"/></joint></robot>'
+    )
+    path.write_text(text.format("c3199"))
+    with pytest.raises(SnakegenError, match="3201 links in a row; Pinocchio reads up to 3000"):
+        load(path)
+    assert not [f for f in lint.lint(path) if f.severity == "error"]

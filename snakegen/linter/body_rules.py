@@ -232,30 +232,30 @@ def _massless_faults(robot: Node, heavy: set[str]) -> Iterator[Finding]:
     joints = [
         (j, end_of(j, "parent") or "", end_of(j, "child") or "") for j in robot.findall("joint")
     ]
-    welded: dict[str, list[str]] = {}
-    below: dict[str, list[str]] = {}
-    for joint, parent, child in joints:
-        below.setdefault(parent, []).append(child)
-        if joint.attrib.get("type") == "fixed":
-            welded.setdefault(parent, []).append(child)
+    above = [(child, parent) for _, parent, child in joints]
+    welded = [(c, p) for j, p, c in joints if j.attrib.get("type") == "fixed"]
+    carry, weigh = _upward(heavy, above), _upward(heavy, welded)
     links = {link.attrib.get("name", ""): link for link in robot.findall("link")}
     for joint, _, child in joints:
         if joint.attrib.get("type") == "fixed" or child not in links:
             continue
         where, line = label(links[child]), links[child].line
-        if not _group(child, below) & heavy:
+        if child not in carry:
             message = f"nothing that {label(joint)} moves has a mass"
             yield finding("massless_tip", where, line, message)
-        elif not _group(child, welded) & heavy:
+        elif child not in weigh:
             message = f"moves by {label(joint)} but has no mass, nor has any link fixed to it"
             yield finding("massless", where, line, message)
 
 
-def _group(start: str, below: dict[str, list[str]]) -> set[str]:
-    """Returns `start` and all links that hang on it by way of `below`."""
-    found, queue = {start}, [start]
+def _upward(start: set[str], above: list[tuple[str, str]]) -> set[str]:
+    """Returns the links of `start` and all that lie above them by way of (child, parent) pairs."""
+    parents: dict[str, list[str]] = {}
+    for child, parent in above:
+        parents.setdefault(child, []).append(parent)
+    found, queue = set(start), list(start)
     while queue:
-        fresh = [child for child in below.get(queue.pop(), []) if child not in found]
+        fresh = [parent for parent in parents.get(queue.pop(), []) if parent not in found]
         found.update(fresh)
         queue.extend(fresh)
     return found

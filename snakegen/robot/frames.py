@@ -150,3 +150,23 @@ def root_link_of(text: str) -> str:
     root = ET.fromstring(text)
     children = {str(e.get("link")) for e in root.iterfind("joint/child")}
     return next(str(e.get("name")) for e in root.iterfind("link") if e.get("name") not in children)
+
+
+def links_in_a_row(text: str) -> int:
+    """Returns how many links the longest chain of a URDF's tree has."""
+    root = ET.fromstring(text)
+    below: dict[str, list[str]] = {}
+    for joint in root.iterfind("joint"):
+        parent, child = (end_link(joint, kind) for kind in ("parent", "child"))
+        below.setdefault(parent, []).append(child)
+    deepest, level = 0, [root_link_of(text)]
+    while level:
+        deepest += 1
+        level = [child for name in level for child in below.get(name, [])]
+    return deepest
+
+
+def end_link(joint: ET.Element, kind: str) -> str:
+    """Returns the name of a joint's ``parent`` or ``child`` link."""
+    end = joint.find(kind)
+    return "" if end is None else end.get("link", "")

@@ -16,7 +16,7 @@ from snakegen.robot.bodies import GRAVITY, RobotBodies
 from snakegen.robot.configuration import Configuration
 from snakegen.robot.floating_root import without_floating_root
 from snakegen.robot.force_sets import force_sets_at, force_shapes
-from snakegen.robot.frames import root_link_of
+from snakegen.robot.frames import links_in_a_row, root_link_of
 from snakegen.robot.modules import Modules, from_urdf
 from snakegen.robot.modules_file import from_data, with_servos
 from snakegen.robot.posture import hover_gimbals
@@ -93,6 +93,8 @@ class Robot(RobotBodies):
         return f"Robot({self.name}: {', '.join(p for p in parts if p)})"
 
 
+_DEEPEST = 3000  # links in a row: at 4,000 Pinocchio's recursion leaves a stack of 8 MB
+
 ModulesSource = str | Path | Mapping[str, Any]
 
 
@@ -141,6 +143,7 @@ def from_urdf_text(
     if modules is not None:
         found = with_servos(_read_modules(modules, root_link_of(text), world), text)
     found = Modules(floating=False) if found is None else found
+    _refuse_depth(text, path)
     if world is not None:
         found = replace(found, floating=True)
     try:
@@ -159,6 +162,21 @@ def from_urdf_text(
     robot = Robot(str(model.name), text, path, found, model)
     _ = robot.tree, robot.rotors, robot.gimbals  # a wrong name is an error now, not later
     return replace(robot, modules=with_stream_losses(found, robot.rotors))
+
+
+def _refuse_depth(text: str, path: Path | None) -> None:
+    """Refuses chains at which Pinocchio, which reads them by recursion, would crash.
+
+    Raises:
+        DescriptionError: more than `_DEEPEST` links in a row.
+    """
+    if text.count("<joint") <= _DEEPEST:
+        return
+    depth = links_in_a_row(text)
+    if depth > _DEEPEST:
+        raise DescriptionError(
+            f"{path or 'URDF'}: {depth} links in a row; Pinocchio reads up to {_DEEPEST}."
+        )
 
 
 def _read_modules(modules: ModulesSource, root: str, world: str | None) -> Modules:
