@@ -1,21 +1,27 @@
 """Best attitude: how to tilt the whole body so that its margin is largest."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from snakegen.base.geometry import Floats, rotation_about, rotation_from_rpy, rpy_from_rotation
-from snakegen.errors import AnalysisError, near
+from snakegen.errors import AnalysisError, SnakegenError, near
+from snakegen.robot.posture import hover_gimbals
 from snakegen.robot.robot import Robot
+from snakegen.sensitivity.margin_gradient import DUAL, VIRTUAL, margin_gradients
 from snakegen.sweep.batch import FLAGS, Body
 from snakegen.sweep.batch import table as as_table
+from snakegen.sweep.steepest import AIM, KINDS
 from snakegen.sweep.worker import work
 
 COMMAND = "attitude"
 ORDER = 60
 REPORT = False  # a search: on request, not on every page
 _ROUNDS, _TRIES = 30, 8
+_STEPS = 0.05 * 4.0 ** -np.arange(8.0)  # rad
 _UNITS = {"force_margin": "N", "torque_margin": "N·m", "self_distance": "m", "closed": ""}
 
 
@@ -99,7 +105,9 @@ def analyze(
     """Returns the attitude with the largest certified margin for the joints of q.
 
     Gravity's direction in the body is searched: `samples` directions spread over the sphere
-    (Fibonacci) and its own, then a pattern search from the best four. Gimbals point up in each.
+    (Fibonacci) and its own, then a pattern search from the best four. From the best and from the
+    worst one seen the search follows the exact derivative as long as certified margins do.
+    Gimbals point up in each.
 
     Options:
         margin: which margin: a column of a sweep, as in force_margin
@@ -118,6 +126,7 @@ def analyze(
     row = np.clip(robot.angles(q)[chosen], low[chosen], high[chosen])[None]
     task = Body.of(robot, joints, np.eye(3), 1e-3).task  # all but the attitude
     seen: list[float] = []
+    ups_seen: list[Floats] = []
 
     def value(up: Floats) -> float:
         table = as_table(joints, row, work(replace(task, base=_attitude(up)), row))
@@ -125,6 +134,7 @@ def analyze(
             raise AnalysisError(f"no margin '{margin}'.{near(margin, table.column_names)}")
         found = float(table[margin][0].as_py())
         seen.append(-np.inf if np.isnan(found) else found)
+        ups_seen.append(np.array(up))
         return seen[-1]
 
     base, _ = robot.base_pose(q)
@@ -148,10 +158,68 @@ def analyze(
                 break
         if here > best:
             best, best_up = float(here), up
+    best, best_up = _followed(robot, q, margin, value, best, best_up, 1.0)
+    finite = np.where(np.isfinite(seen), seen, np.inf)
+    if np.isfinite(finite).any():  # down from the worst one seen, which `seen` keeps
+        at = int(np.argmin(finite))
+        _followed(robot, q, margin, value, float(finite[at]), ups_seen[at], -1.0)
     roll, pitch, yaw = (float(x) for x in rpy_from_rotation(_attitude(best_up)))
     feasible = [x for x in seen if np.isfinite(x)]
     least, lost = min(feasible, default=np.nan), seen.count(-np.inf)
     return BestAttitude(margin, level, best, (roll, pitch, yaw), least, len(seen), lost)
+
+
+def _followed(
+    robot: Robot,
+    q: Floats,
+    margin: str,
+    value: Callable[[Floats], float],
+    here: float,
+    up: Floats,
+    sign: float,
+) -> tuple[float, Floats]:
+    """Returns the value and the up (3,) reached along the derivative, or against it: `sign`."""
+    for _ in range(_ROUNDS if np.isfinite(here) else 0):
+        way = _steepest(robot, q, _attitude(up), margin)
+        if way is None:
+            break
+        tries = up + sign * _STEPS[:, None] * way
+        tries /= np.linalg.norm(tries, axis=1, keepdims=True)
+        found = np.array([value(t) for t in tries])
+        k = int(np.argmax(np.where(np.isfinite(found), sign * found, -np.inf)))
+        if not sign * found[k] > sign * here:
+            break
+        here, up = float(found[k]), tries[k]
+    return here, up
+
+
+def _steepest(robot: Robot, q: Floats, base: Floats, margin: str) -> Floats | None:
+    """Returns the unit way (3,) of the world's up in which a margin rises most, None if none.
+
+    Turning the body by ω takes up (in its axes) by ``u × ω``, and ``dm = g · ω``: the way is
+    ``u × g``, across u. Gimbals follow: g has what their motion does.
+    """
+    name = margin.removeprefix("dual_").removesuffix("_upper").removesuffix("_margin")
+    if name not in KINDS:
+        return None
+    mode = DUAL if margin.startswith("dual_") else VIRTUAL
+
+    def aimed(turn: Floats) -> Floats:
+        level = np.array(q)
+        level[3:7] = (Rotation.from_matrix(base) * Rotation.from_rotvec(turn)).as_quat()
+        return np.array(hover_gimbals(robot, level))
+
+    try:
+        found = margin_gradients(robot, aimed(np.zeros(3)), name, mode, ties=False)
+    except SnakegenError:
+        return None
+    joints, by = found.by("joints"), np.array(found.by("attitude"))
+    for i, turn in enumerate(AIM * np.eye(3)):
+        follow = (robot.angles(aimed(turn)) - robot.angles(aimed(-turn))) / (2.0 * AIM)
+        by[i] += joints @ np.where(np.abs(follow) < 1.0 / AIM, follow, 0.0)
+    way = np.cross(base[2], by)
+    size = float(np.linalg.norm(way))
+    return way / size if np.isfinite(size) and size > 0.0 else None
 
 
 def _sphere(count: int) -> Floats:

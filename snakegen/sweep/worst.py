@@ -1,4 +1,4 @@
-"""The worst posture: local search from the worst rows of a sweep, certified at the end."""
+"""The worst posture: local search from the worst rows of a sweep, each step certified."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +10,10 @@ import pyarrow.parquet as pq
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
 from snakegen.sweep.batch import Body, evaluate
+from snakegen.sweep.steepest import steps_down
 from snakegen.sweep.store import row_groups
 
-STARTS = 8
+STARTS, POLISH = 8, 20
 ROUNDING = 1e-6  # of the scale: a margin below it is 0
 
 
@@ -55,8 +56,9 @@ def refine(body: Body, table: pa.Table, column: str, rounds: int = 40) -> Worst:
     """Returns the local minimum of `column` reached from the worst rows of `table`.
 
     A pattern search: from each of the worst rows, random directions with a step that halves when
-    nothing improves; all candidates of a round are evaluated in one batch. A posture whose hover is
-    out of reach is worse than any margin, by how far it is out of reach. Where a margin did not
+    nothing improves; all candidates of a round are evaluated in one batch. The best goes on down
+    its margin's exact derivative, as long as certified margins fall. A posture whose hover is out
+    of reach is worse than any margin, by how far it is out of reach. Where a margin did not
     close its upper bound counts: a lower bound that was not worked out must not look like the
     worst posture. What it returns is a certified margin of a real posture, not a proof that no
     posture is worse.
@@ -93,6 +95,15 @@ def refine(body: Body, table: pa.Table, column: str, rounds: int = 40) -> Worst:
         if np.all(step < 1e-5) or 0.0 <= best.min() <= ROUNDING * scale:
             break
     i = int(np.argmin(best))
+    for _ in range(POLISH):
+        lower_ones = steps_down(body, column, at[i])
+        if lower_ones is None or 0.0 <= best[i] <= ROUNDING * scale:
+            break
+        score = _score(body, evaluate(body, lower_ones), column)
+        count, k = count + len(lower_ones), int(score.argmin())
+        if not score[k] < best[i]:
+            break
+        at[i], best[i] = lower_ones[k], score[k]
     sure = evaluate(body, at[i : i + 1])
     lower = float(sure[column][0].as_py())
     upper = float(sure[f"{column}_upper"][0].as_py()) if _bracketed(sure, column) else lower
