@@ -3,11 +3,14 @@
 import json
 import struct
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import snakegen
 from snakegen import lint
 from snakegen.cli import main
+from snakegen.errors import DescriptionError
 from snakegen.linter.catalogue import RULES, page
 from snakegen.linter.finding import Finding
 from snakegen.linter.fixes import fix
@@ -303,3 +306,14 @@ def test_findings_are_plain_data() -> None:
     assert set(found.to_json()) == {
         "severity", "tier", "code", "element", "line", "message", "remedy"
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("call", [snakegen.load, snakegen.adopt, snakegen.convert])
+def test_a_refusal_names_the_remedy(tmp_path: Path, call: Any) -> None:
+    path = tmp_path / "model.urdf"
+    path.write_text(
+        '<robot name="r" xmlns:xacro="x"><xacro:property name="m" value="1"/>'
+        '<link name="a"/></robot>'
+    )
+    with pytest.raises(DescriptionError, match=r"xacro_left\].* xacro model.urdf.xacro > model"):
+        call(path)

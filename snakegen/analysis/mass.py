@@ -43,7 +43,7 @@ class Mass:
 
 
 def applies(robot: Robot) -> bool:
-    """Every robot has mass."""
+    """A link with a mass."""
     return robot.mass > 0
 
 

@@ -124,7 +124,7 @@ def refuse(found: Iterable[Finding], name: str) -> None:
         return
     more = len(errors) - 1
     others = f" (and {more} more error{'s' if more > 1 else ''})" if more else ""
-    raise DescriptionError(f"{name}: {errors[0]}{others}")
+    raise DescriptionError(f"{name}: {errors[0]}{others}. {errors[0].remedy}")
 
 
 def refuse_mjcf(text: str, name: str) -> None:
