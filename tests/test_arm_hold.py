@@ -49,7 +49,7 @@ def test_thrust_leaves_to_the_servos_what_relief_says(arm, force):
 
 def test_servos_alone_do_not_hold_and_a_lost_apparatus_is_found(arm):
     alone = run(arm, "hold", options=SHORT | {"thrust": False})
-    assert {c.metric for c in alone.verdict.failed} >= {"joint_torque_use", "position_max_m"}
+    assert {c.metric for c in alone.verdict.failed} >= {"joint_torque_use", "position_held_m"}
     weak = snakegen.load(
         load_spec("dragon4", overrides=["base=fixed", "vectoring_apparatus.thrust_max=4"])
     )
@@ -73,7 +73,7 @@ def test_a_tip_force_of_the_page_is_held(arm):
     corner = page.corners[0]
     given = SHORT | {"tip_force": ",".join(f"{x:.6f}" for x in 0.98 * corner)}
     held = run(arm, "hold", options=given, ideal=True)
-    assert held.meta["facts"]["relief"] <= 1.0 and held.metrics["position_max_m"] < 0.02
+    assert held.meta["facts"]["relief"] <= 1.0 and held.metrics["position_held_m"] < 0.02
     with pytest.raises(MissionError, match="at best"):
         run(arm, "hold", options=SHORT | {"tip_force": ",".join(f"{1.5 * x:.6f}" for x in corner)})
 

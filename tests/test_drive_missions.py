@@ -25,7 +25,7 @@ from snakegen.simulation.flight.plan import Box
 from snakegen.simulation.flight.run import run
 from snakegen.simulation.missions import missions
 from snakegen.simulation.missions.drive.lcrank import first_state
-from snakegen.simulation.missions.drive.pipe import fitted
+from snakegen.simulation.missions.drive.pipe import TAIL, braced, fitted
 from snakegen.simulation.obstacles import pipe
 from snakegen.simulation.recording.join import join
 from snakegen.simulation.run_settings import RunSettings
@@ -397,3 +397,17 @@ def test_command_line_drives(tmp_path: Path, capfd, monkeypatch) -> None:
     assert "Failed to read" not in said.err  # the drums' meshes are there to be drawn
     found = json.loads(said.out)
     assert found["passed"] and len(found["position_rmse_settled_m"]) == 3 and out.is_file()
+
+
+def test_a_body_in_a_pipe_has_casters_at_both_ends(screw4):
+    """The tail's caster stands on the ground below the last link's end and weighs the same."""
+    both = braced(screw4)
+    assert [c.link for c in both.modules.casters] == ["caster1", TAIL]
+    assert both.mass == pytest.approx(screw4.mass + 0.05) and braced(both) is both
+    model = contact_model(both)
+    data = mujoco.MjData(model)
+    data.qpos[2] = 0.075
+    mujoco.mj_forward(model, data)
+    ball = data.geom(f"{TAIL}_contact1").xpos
+    length = sum(screw4.modules.lengths.values())
+    assert ball == pytest.approx([length, 0.06, 0.012], abs=1e-9)

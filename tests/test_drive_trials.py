@@ -86,6 +86,7 @@ def test_a_servo_at_half_strength_fails(quick, joint):
     kind = "screw" if joint.startswith("screw") else "joint"
     assert {c.metric for c in found.verdict.failed} == {f"{kind}_servo_strength"}
     assert found.metrics[f"{kind}_servo_strength"] == pytest.approx(0.5, abs=0.05)
+    assert found.verdict.failed[0].worst.part == joint
     good = run(quick, "follow", seed=2, options=SHORT)
     for name in ("screw_servo_strength", "joint_servo_strength"):
         assert good.metrics[name] == pytest.approx(1.0, abs=1e-9)

@@ -100,6 +100,8 @@ def test_warnings_for_what_drives_badly():
     assert "2 drums leave a turn free" in warnings(few(links=2))[0]
     assert "MJCF alone" in warnings(few("screw_drive.rollers=ball"))[0]
     assert warnings(load_spec("dragon4")) == ()
+    bolted = load_spec("arm6", overrides=["screw_drive.at=[2,3]", "base=fixed"])
+    assert warnings(bolted) == ()  # it does not drive
 
 
 def test_hands_and_angles_of_each_drum():

@@ -4,9 +4,8 @@ Quasi-static, on a hard plane, in any posture: every drum holds a force along it
 to friction times its load, by linear programs (`traction_program`). The figures are for loads
 shared by the compliance of servos and contacts; in brackets what no sharing of the load exceeds.
 Wheels are averaged round the drum: which of them touches changes the load of single drums. Coulomb
-friction is not associated, so the figure is no strict bound: of 30 slopes measured in contact
-(`benchmarks/traction.py`) 25 came within 10 % of it, the others held up to 17 % more; none let go
-below 0.95 of it.
+friction is not associated, so the figure is no strict bound: docs/drives.md compares it with slopes
+and pulls measured in contact.
 """
 
 import math

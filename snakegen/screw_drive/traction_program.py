@@ -9,7 +9,7 @@ coordinates [base twist; held joints]:
     J_nᵀ N + J_aᵀ F + J_cᵀ G + w₀ + t w₁ = [0; -τ],   |τ_j| ≤ effort of servo or motor
 
 The largest t over all N and F is an upper bound (any sharing of the load by the contacts). The
-lower bound, the figure, has the normal forces that servos, their play and contacts share by their
+lower bound, the figure, has the normal forces that servos and contacts share by their
 compliance (`load_sharing`). Both optima are certified by weak duality.
 """
 
@@ -19,17 +19,8 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.screw_drive.ground_stance import COMPLIANCE, Stance
-from snakegen.screw_drive.load_sharing import (
-    Mask,
-    Sharing,
-    Stops,
-    at_rest,
-    moved_stop,
-    sharing,
-)
+from snakegen.screw_drive.load_sharing import Mask, Sharing, at_rest, sharing
 
-_Shared = tuple[Mask, Stops, float]  # contacts that carry, joints' stops, compliance
-_ROUNDS = 12  # programs, until joints rest on the stops supposed
 _SIDES = 32  # of the polygons
 _ACTIVE = 1e-7  # share of its scale at which a constraint counts as active
 
@@ -61,8 +52,8 @@ def held_load(
 ) -> HeldLoad:
     """Returns the largest t of ``fixed + t rising`` with loads shared by compliance.
 
-    Contacts that lift are dropped one after the other as long as that holds more. Where joints have
-    play, the lesser of what is held with it and without: which stops they rest on is not unique.
+    Contacts that lift are dropped one after the other as long as that holds more. Joints with play
+    share as those without: loaded ones rest on a stop, of which no side is the likelier.
 
     Args:
         body: at rest on the plane.
@@ -70,53 +61,24 @@ def held_load(
         friction: μ; inf: wheels that cannot slip.
         compliance: m/N of a contact.
     """
-    if body.play > 0.0:
-        tight = replace(body, play=0.0)
-        both = [_held(b, fixed, rising, friction, compliance) for b in (body, tight)]
-        return min(both, key=lambda one: np.nan_to_num(one.factor, nan=-np.inf))
-    return _held(body, fixed, rising, friction, compliance)
-
-
-def _held(
-    body: Stance, fixed: Floats, rising: Floats, friction: float, compliance: float
-) -> HeldLoad:
-    """Returns the largest t of `held_load` for joints with this play."""
+    body = replace(body, play=0.0)
     active, stops = at_rest(body, fixed, compliance)
-    best = _settled(body, fixed, rising, friction, (active, stops, compliance))
+
+    def solve(carrying: Mask) -> HeldLoad:
+        share = sharing(body, carrying, stops, compliance)
+        return _solve(body, fixed, rising, friction, carrying, share)
+
+    best = solve(active)
     while np.isfinite(best.factor):
         lifted = active & (best.normal <= _ACTIVE * max(1.0, float(best.normal.max())))
         if not lifted.any() or (active & ~lifted).sum() < 3:
             break
         active = active & ~lifted
-        more = _settled(body, fixed, rising, friction, (active, stops, compliance))
+        more = solve(active)
         if not more.factor > best.factor * (1 + 1e-6):
             break
         best = more
     return best
-
-
-def _settled(
-    body: Stance, fixed: Floats, rising: Floats, friction: float, shared: _Shared
-) -> HeldLoad:
-    """Solves programs until the joints rest on the stops that each supposes.
-
-    Where none agrees with itself, the least of those tried is the figure.
-    """
-    active, stops, compliance = shared
-    tried: list[HeldLoad] = []
-    for _ in range(_ROUNDS):
-        share = sharing(body, active, stops, compliance)
-        now = _solve(body, fixed, rising, friction, active, share)
-        tried.append(now)
-        if not np.isfinite(now.factor):
-            break
-        tangent = np.concatenate([now.along[body.drums], now.across[body.drums]])
-        moved = moved_stop(body, stops, share.bends(fixed + now.factor * rising, tangent))
-        if moved is None:
-            return now
-        stops = moved
-    held = [one for one in tried if np.isfinite(one.factor)]
-    return min(held, key=lambda one: one.factor) if held else tried[-1]
 
 
 def upper_bound(body: Stance, fixed: Floats, rising: Floats, friction: float) -> HeldLoad:

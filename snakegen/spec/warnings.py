@@ -166,19 +166,20 @@ def _screws(spec: RobotSpec, resolved: dict[str, Any]) -> list[str]:
         return []
     alpha = resolved["screw_drive"]["alpha"]
     out = drum_warnings(resolved)
-    if len({a > 0 for a in alpha}) == 1:
+    drives = spec.base == "floating"  # what is bolted to the world does not drive
+    if drives and len({a > 0 for a in alpha}) == 1:
         degrees = ", ".join(f"{math.degrees(a):.4g}°" for a in alpha)
         out.append(
             f"screw_drive: all {len(alpha)} drums have one hand (α {degrees}): a straight body "
             "slides across its course and cannot steer straight"
         )
-    elif len(alpha) < 3:
+    elif drives and len(alpha) < 3:
         out.append(f"screw_drive: {len(alpha)} drums leave a turn free in every shape; 3 hold it")
     if spec.screw_drive.rollers == "ball":
         out.append(
             "screw_drive.rollers: a ball for each drum is in the MJCF alone; the URDF has the "
             "wheels, and URDF and MJCF were compared with the wheels in both"
         )
-    if spec.caster is None:
+    if drives and spec.caster is None:
         out.append("no caster: a straight body stands on a line and rolls over; put one at 1@0")
     return out

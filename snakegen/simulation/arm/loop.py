@@ -84,7 +84,8 @@ def move(
     A servo gives ``k_p (u - q) - k_v q̇``; so u = q_d alone lags by k_v q̇_d / k_p. `lead` adds to
     u what takes the lag away: ``speed`` k_v q̇_d / k_p; ``law`` also τ_law / k_p, with which the
     spring has nothing left to do but correct. The torque read is the one that the step applied:
-    the integrator takes the damping at the step's end, so ``k_v Δq̇`` comes off the sensor's value.
+    the integrator takes the damping at the step's end, so ``k_v Δq̇`` comes off the sensor's value
+    of a servo that is not at its limit.
 
     Args:
         world: whose timestep is the spacing of `along`.
@@ -122,7 +123,11 @@ def move(
         model, data = simulated, mujoco.MjData(simulated)
         model.opt.gravity[:] = gravity
     command = _late(along.time, command + offset, plant.delay) - plant.offsets
-    data.qpos[at], data.qvel[dof] = along.angles[0] - plant.offsets, along.rates[0]
+    # a motion that begins in mid-course has its lag already
+    begun = along.angles[0] - plant.delay * along.rates[0]
+    data.qpos[at], data.qvel[dof] = begun - plant.offsets, along.rates[0]
+    limited = model.actuator_forcelimited[servo] > 0
+    limit = np.where(limited, model.actuator_forcerange[servo, 1], np.inf)
     count, wide = len(along.time), len(at)
     qpos = np.zeros((count, model.nq))
     rates, bends, torque, held = np.zeros((4, count, wide))
@@ -136,7 +141,8 @@ def move(
             mujoco.mj_step(model, data)
             gained = data.qvel[dof] - speed
             bends[k] = gained / model.opt.timestep
-            torque[k] = data.actuator_force[servo] - damping * gained
+            given = data.actuator_force[servo]
+            torque[k] = given - np.where(np.abs(given) < limit, damping * gained, 0.0)
             held[k] = data.qfrc_applied[dof] + data.qfrc_constraint[dof]
             contacts[k] = data.ncon
             if not np.abs(data.qvel).max() < _LOST:

@@ -114,6 +114,26 @@ def expected_tip_error(world: World, along: Along, tip: Tip) -> float:
     return worst
 
 
+def expected_joint_error(world: World, along: Along) -> float:
+    """Returns the largest RMS error [rad] of a joint expected with default imperfections.
+
+    Its encoder's offset, what mass errors and friction leave to the servo's spring, and the way
+    made within the delay, as of `expected_tip_error`.
+    """
+    what, spread = Imperfections(), Spread()
+    stiffness = world.model.actuator_gainprm[world.servos, 0]
+    late = what.delay + 0.5 * spread.delay
+    parts = (
+        np.broadcast_to(what.joint_noise, along.rates.shape),
+        _UNIFORM * spread.mass * along.torque() / stiffness,
+        np.broadcast_to(
+            _UNIFORM * spread.friction * _effort(world.robot, world) / stiffness, along.rates.shape
+        ),
+        late * along.rates,
+    )
+    return float(np.sqrt(np.sum(np.square(parts), axis=0)).max())
+
+
 def _effort(robot: Robot, world: World) -> float:
     """Returns the smallest torque limit of the chain's servos [N m]."""
     return float(robot.limits([robot.joint_names[i] for i in world.chain])[2].min())

@@ -22,7 +22,7 @@ from snakegen.kernels.dynamics.inverse_dynamics import NO_LOADS, torques_batch
 from snakegen.kernels.kinematics.jacobians import tip_jacobian
 from snakegen.robot.robot import Robot
 from snakegen.simulation.arm.loop import Moved, move
-from snakegen.simulation.arm.plant import draw_arm, expected_tip_error
+from snakegen.simulation.arm.plant import draw_arm, expected_joint_error, expected_tip_error
 from snakegen.simulation.flight.world import World, make_world
 from snakegen.simulation.monte_carlo import Spread
 from snakegen.simulation.recording.metrics import metrics
@@ -37,11 +37,13 @@ from snakegen.statics.tip import Tip, find_tip
 LOGGED = 0.002  # s, between rows of the log
 GAP = 0.0035  # of a servo's limit: torque that the law of the motion made may leave unexplained
 TIP_SIGMAS = 2.0  # expected errors of the tip that a run may have
+JOINT_SIGMAS = 5.0  # likewise of the joint that is worst at its worst instant
+TRACKED = 0.05  # rad, of an ideal arm, and at most of any
 THRESHOLDS: dict[str, dict[str, Any]] = {
     "completed": {"equals": True},
     "finite": {"equals": True},
     "joint_torque_use": {"at_most": 0.99},
-    "joint_tracking_max_rad": {"at_most": 0.05},
+    "joint_tracking_max_rad": {"at_most": TRACKED},
     "inverse_gap_share": {"at_most": 1e-9},
 }
 IDEAL: dict[str, dict[str, Any]] = {"made_gap_share": {"at_most": 1e-6}}
@@ -175,7 +177,9 @@ def run_arm(
         bounds |= IDEAL | ({} if rub.present or lead != "law" else FOLLOWS)
     else:  # independent masses add up to about half of what they would all together
         use = np.abs(along.torque()) / np.maximum(meta["limits"]["joint_torque"], 1e-12)
-        bounds["made_gap_use"] = {"at_most": GAP + 0.5 * Spread().mass * float(use.max())}
+        bounds["made_gap_use"] = {"at_most": GAP + 0.42 * Spread().mass * float(use.max())}
+        off = JOINT_SIGMAS * expected_joint_error(world, along)
+        bounds["joint_tracking_max_rad"] = {"at_most": min(off, TRACKED)}
     if goal.bound is not None:
         off = 0.0 if ideal else TIP_SIGMAS * expected_tip_error(world, along, end)
         bounds["position_max_m"] = {"at_most": max(goal.bound, off)}

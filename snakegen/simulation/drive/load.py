@@ -19,6 +19,7 @@ AWAY = 0.05  # m, of the head from its place: the run ends
 ROLLED = 0.35  # rad, of the root link: the run ends
 MOVING = 0.002  # m/s: the head leaves its place
 _WINDOW = 0.3  # s, over which that speed is taken
+_HELD = 1.0  # s, that it is slower at least where it is held: a slide sticks at times
 _REST, _KNEE, _QUICK = 1.0, 0.6, 3.0  # s at rest; share of the prediction reached after `_QUICK`
 AGREE = 0.1  # share by which the measured limit may fall short of the figure, or exceed its bound
 
@@ -87,7 +88,7 @@ def load_metrics(recording: Recording) -> dict[str, Any]:
         back = max(1, round(_WINDOW / step))
         speed = np.zeros(len(time))
         speed[back:] = (away[back:] - away[:-back]) / (back * step)
-        last = float(time[np.flatnonzero(speed < MOVING)[-1]])
+        last = float(time[_last_rest(speed < MOVING, round(_HELD / step))])
     found: dict[str, Any] = {
         "lost": reached(last) if gone else None,
         "lost_s": last if gone else None,
@@ -96,6 +97,15 @@ def load_metrics(recording: Recording) -> dict[str, Any]:
     if facts["predicted_upper"]:
         found["bound_ratio"] = reached(last) / facts["predicted_upper"]
     return found
+
+
+def _last_rest(slow: Any, least: int) -> int:
+    """Returns the last tick of the last rest of `least` ticks or more; 0 where there is none."""
+    run, last = 0, 0
+    for k, rests in enumerate(slow):
+        run = run + 1 if rests else 0
+        last = k if run >= least else last
+    return last
 
 
 def load_thresholds(held: Held) -> dict[str, dict[str, Any] | None]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.servo_strength import joint_strength, screw_strength
 from snakegen.simulation.recording.signals import (
     MAY_BE_UNDEFINED,
     Signal,
@@ -128,6 +129,21 @@ def _hover(recording: Recording) -> Trace | None:
         return None
     time = recording.time[len(recording.time) // 2 :]
     return Trace(time, lambda j: np.full(len(time), float(asked[j])), _TURNS)
+
+
+def _strength(
+    name: str, read: Callable[[Recording], Floats | None]
+) -> Callable[[Recording], Trace | None]:
+    """Returns the reader of what each servo shows of its declared gain, over a whole run."""
+
+    def trace(recording: Recording) -> Trace | None:
+        share = read(recording)
+        if share is None:
+            return None
+        parts = tuple(recording.channel(name).labels)
+        return Trace(recording.time[:1], _columns(share[None]), parts)
+
+    return trace
 
 
 def _floor(recording: Recording) -> Trace | None:
@@ -266,6 +282,8 @@ _TRACES: dict[str, Callable[[Recording], Trace | None]] = {
     "shape_rmse_settled_rad": _state_error(3, None, mean=True),
     "heading_rmse_rad": _state_error(2, 3, mean=True),
     "slip_mean_m_s": _mean("slip"),
+    "joint_servo_strength": _strength("joint_torque", joint_strength),
+    "screw_servo_strength": _strength("screw_torque", screw_strength),
     "cone_use_mean": _mean("cone_use"),
     "screw_rate_use": _screw_rate,
     "tilt_max_rad": _tilt,

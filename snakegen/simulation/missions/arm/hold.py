@@ -14,6 +14,7 @@ from snakegen import __version__
 from snakegen.analysis import relief
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError, MissionError
+from snakegen.robot.kinematics import tip_jacobian
 from snakegen.robot.robot import Robot
 from snakegen.simulation.arm.hold import (
     Hold,
@@ -106,14 +107,16 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     world = make_world(robot, timestep=STEP, floor=False)
     plant, drawn = _plant(world, settings)
     held = hold_still(world, hold, plant, settings.progress)
-    gap = CLOSE if settings.ideal else CLOSE + _expected_gap(reach, load, forces)
+    bounds = {"relief_gap_use": CLOSE, "position_held_m": STILL * _length(robot)}
+    if not settings.ideal:
+        bounds = _expected(robot, q, gravity, reach, forces)
     facts = {
         "relief": best,
         "servo_torque_predicted_n_m": left.tolist(),
         "tip_wrench": wrench,
         "thrust_n": hold.thrust.tolist(),
     }
-    return _judged(world, hold, held, settings, facts, gap, drawn, options)
+    return _judged(world, hold, held, settings, facts, bounds, drawn, options)
 
 
 def _load(
@@ -164,16 +167,39 @@ def _plant(world: World, settings: RunSettings) -> tuple[HoldPlant, dict[str, fl
     return HoldPlant(arm.world(world).model, factor, arm.offsets), drawn
 
 
-def _expected_gap(reach: ThrustMap, load: Floats, forces: Floats) -> float:
-    """Returns the share of a servo's torque that masses and thrusts off nominal may add.
+def _length(robot: Robot) -> float:
+    return float(sum(robot.modules.lengths.values()) or robot.link_length)
 
-    Two rotors of an apparatus are off independently; independent masses add up to about half of
-    what they would all together.
+
+def _expected(
+    robot: Robot, q: Floats, gravity: Floats, reach: ThrustMap, forces: Floats
+) -> dict[str, float]:
+    """Returns bounds of what default imperfections do: 2.5 standard deviations, and a little.
+
+    Each body's mass is off on its own, and so are the rotors of an apparatus. Servos yield to what
+    that leaves to them; their encoders are off too.
     """
-    mismatch, mass = Imperfections().thrust_mismatch / np.sqrt(2.0), 0.5 * Spread().mass
-    pushed = (reach.relief * forces.ravel()).reshape(len(load), -1, 3).sum(axis=2)
-    spread = np.hypot(mismatch * np.linalg.norm(pushed, axis=1), mass * np.abs(load))
-    return float(_SIGMAS * np.max(spread / reach.effort))
+    what, mass = Imperfections(), Spread().mass / np.sqrt(3.0)
+    tree, angles, base = robot.tree, robot.angles(q), robot.base_pose(q)[0]
+    index = [robot.joint_names.index(n) for n in robot.chain_joints]
+    weights = [
+        tip_jacobian(tree, base, angles, b, tree.com[b])[2][:3, index].T @ (m * gravity)
+        for b, m in enumerate(tree.mass)
+    ]
+    pushed = (reach.relief * forces.ravel()).reshape(len(index), -1, 3).sum(axis=2)
+    rotors = np.array([len(a.rotors) for a in robot.modules.apparatuses])
+    spread = np.hypot(
+        mass * np.linalg.norm(weights, axis=0),
+        what.thrust_mismatch * np.linalg.norm(pushed / np.sqrt(rotors), axis=1),
+    )
+    servos = {s.joint: s.stiffness for s in robot.modules.servos}
+    yielded = spread / np.array([servos[n] for n in robot.chain_joints])
+    moved = tip_pose(robot, q, find_tip(robot)).jacobian[:3, index]
+    off = float(np.linalg.norm(moved * np.hypot(yielded, what.joint_noise)))
+    return {
+        "relief_gap_use": CLOSE + _SIGMAS * float(np.max(spread / reach.effort)),
+        "position_held_m": 0.1 * STILL * _length(robot) + _SIGMAS * off,
+    }
 
 
 def _judged(
@@ -182,7 +208,7 @@ def _judged(
     held: Holding,
     settings: RunSettings,
     facts: dict[str, Any],
-    gap: float,
+    most: dict[str, float],
     drawn: dict[str, float],
     options: Options,
 ) -> Recording:
@@ -231,25 +257,28 @@ def _judged(
     } | ({"drawn": drawn} if drawn else {})
     recording = Recording(time, channels, (), meta)
     found = measure(recording) | metrics(recording) | {"completed": not held.stopped}
-    length = sum(robot.modules.lengths.values()) or robot.link_length
     bounds: dict[str, Any] = {
         "completed": {"equals": True},
         "finite": {"equals": True},
         "joint_torque_use": {"at_most": 0.99},
-        "relief_gap_use": {"at_most": gap},
-        "position_max_m": {"at_most": STILL * length},
-    } | strength_checks(found)
+    } | {name: {"at_most": value} for name, value in most.items()}
+    bounds |= strength_checks(found)
     return recording.judged(found, judged_verdict(recording, found, bounds))
 
 
 def metrics(recording: Recording) -> dict[str, Any]:
-    """Returns how far the servos' torques end from the prediction, as a share of their limits.
+    """Returns how far the run's last half is from the prediction.
 
-    Mean of the run's last half, the joint where it is most.
+    Of the servos' torques, as a share of their limits, the mean of the joint where it is most; of
+    the tip the farthest. The start is a step of load, since masses and thrusts are not as believed.
     """
     late = recording.time >= 0.5 * recording.time[-1]
     servo, law = (
         recording.channel(n).values[late].mean(axis=0) for n in ("joint_torque", "joint_torque_law")
     )
     limit = np.maximum(np.asarray(recording.meta["limits"]["joint_torque"], float), 1e-12)
-    return {"relief_gap_use": float(np.max(np.abs(servo - law) / limit))}
+    tip, goal = (recording.channel(n).values[late] for n in ("position", "position_target"))
+    return {
+        "relief_gap_use": float(np.max(np.abs(servo - law) / limit)),
+        "position_held_m": float(np.linalg.norm(tip - goal, axis=1).max()),
+    }

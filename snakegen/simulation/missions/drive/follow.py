@@ -35,11 +35,11 @@ class Options(DriveOptions):
 
 
 BOUNDS = {
-    "distance_excess_m": 0.015,
-    "distance_rmse_m": 0.0085,
+    "distance_excess_m": 0.0095,
+    "distance_rmse_m": 0.005,
     "shape_rmse_rad": 0.009,
-    "tilt_max_rad": 0.011,
-    "slip_mean_m_s": 0.015,
+    "tilt_max_rad": 0.008,
+    "slip_mean_m_s": 0.006,
 }
 """2.5 to 3 medians of ten seeds of `screw4`."""
 

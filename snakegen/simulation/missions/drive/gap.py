@@ -39,12 +39,12 @@ class Options(DriveOptions):
 
 
 BOUNDS = {
-    "distance_excess_m": 0.04,
-    "distance_rmse_m": 0.028,
-    "distance_end_m": 0.009,
+    "distance_excess_m": 0.034,
+    "distance_rmse_m": 0.023,
+    "distance_end_m": 0.0065,
     "shape_rmse_rad": 0.009,
     "tilt_max_rad": 0.047,
-    "slip_mean_m_s": 0.015,
+    "slip_mean_m_s": 0.006,
 }
 """2.5 to 3 medians of ten seeds of `screw4`."""
 

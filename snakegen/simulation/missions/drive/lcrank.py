@@ -41,7 +41,7 @@ class Options(DriveOptions):
 _STARTS = {"fig9": (0.1, 0.1, -1.1 * math.pi, 10), "fig13": (0.1, 0.04, -3.32, 9)}
 
 
-BOUNDS = {"distance_excess_m": 0.012, "tilt_max_rad": 0.06, "slip_mean_m_s": 0.015}
+BOUNDS = {"distance_excess_m": 0.009, "tilt_max_rad": 0.055, "slip_mean_m_s": 0.006}
 
 
 def applies(robot: Robot) -> bool:
@@ -65,7 +65,7 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     reference = following(robot, path, options.speed, options.acceleration)
     start = first_state(options.start, len(yaw_joints(robot)), reference.at(0.0)[0])
     end = "" if options.start == "path" else "_settled"
-    bounds = BOUNDS | {f"distance_rmse{end}_m": 0.0085, f"shape_rmse{end}_rad": 0.01}
+    bounds = BOUNDS | {f"distance_rmse{end}_m": 0.006, f"shape_rmse{end}_rad": 0.0085}
     plan = DrivePlan(
         reference,
         start,

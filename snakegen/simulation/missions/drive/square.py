@@ -32,11 +32,11 @@ class Options(DriveOptions):
 
 
 BOUNDS = {
-    "distance_excess_m": 0.03,
-    "distance_rmse_m": 0.016,
+    "distance_excess_m": 0.017,
+    "distance_rmse_m": 0.0095,
     "shape_rmse_rad": 0.0095,
-    "tilt_max_rad": 0.015,
-    "slip_mean_m_s": 0.025,
+    "tilt_max_rad": 0.0145,
+    "slip_mean_m_s": 0.018,
 }
 """2.5 to 3 medians of ten seeds of `screw4`."""
 
