@@ -43,10 +43,10 @@ _AHEAD = 0.2  # m, from the head to the first tile
 _WIDE = 0.6  # m, of the rough stretch
 _CATCH_UP = 12.0  # s after the reference has ended: six time constants of the default gain
 BOUNDS: dict[str, float] = {
-    "distance_end_m": 0.004,
+    "distance_end_m": 0.0025,
     "shape_rmse_rad": 0.009,
     "tilt_max_rad": 0.1,
-    "slip_mean_m_s": 0.006,
+    "slip_mean_m_s": 0.0042,
 }
 """Three medians of ten seeds of `screw4`."""
 _LATE = dict.fromkeys(("distance_rmse_m", "distance_excess_m"))
