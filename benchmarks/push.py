@@ -1,8 +1,10 @@
 """Measured over predicted limit of a push: ten postures, both modes, both allocators.
 
+Bodies whose gimbals are limited hover in few postures: they are pushed in one, every yaw at 1 rad.
+
 python benchmarks/push.py [--postures 10] [--seed 1] [--noise] [--only 0,2]
 
-`ratio` is over the prediction that `analyze margin` prints; `loaded` over that of the deflected
+`ratio` is over the prediction that `analyze margin` names; `loaded` over that of the deflected
 body; `informed` over that which knows the thrust factors drawn; `first limit` as `limit_ratio`.
 """
 
@@ -27,6 +29,8 @@ CASES = (
     ("dragon4", "virtual_single_rotor", "torque", "link1", ()),
     ("dragon4", "virtual_single_rotor", "force", "link4", ()),
     ("dragon4", "virtual_single_rotor", "torque", "link4", ()),
+    ("dragon4", "virtual_single_rotor", "force", "link1", (0.05, 0.05)),
+    ("dragon4", "virtual_single_rotor", "torque", "link1", (0.05, 0.05)),
     ("dragon4", "virtual_single_rotor", "force", "link1", (0.6, 0.6)),
     ("dragon4", "virtual_single_rotor", "torque", "link1", (0.6, 0.6)),
     ("dragon4", "virtual_single_rotor", "force", "link1", (1.0, 0.25)),
@@ -34,6 +38,7 @@ CASES = (
     ("dragon4", "dual_rotor", "wrench", "link1", ()),
     ("dragon3", "dual_rotor", "wrench", "link1", ()),
 )  # preset, mode, kind, link, largest |φ| and |θ| of the gimbals, rad
+YAWS = {f"joint{i}_yaw": 1.0 for i in (1, 2, 3)} | {f"joint{i}_pitch": 0.0 for i in (1, 2, 3)}
 RAMP = {"until": 1.12, "slow": 80.0}  # at the mission's own pace, ended sooner
 APART = 0.05  # m, between parts of a body that is pushed
 
@@ -75,7 +80,8 @@ def main() -> None:
         about += ", usual noise" if given.noise else ""
         print(f"{name} {mode} {kind} on {link}{about}", flush=True)
         rows: dict[str, list[dict[str, float]]] = {"paper": [], "constrained": []}
-        for i, posture in enumerate(postures(robot, given.postures, given.seed)):
+        shapes = [YAWS] if limits else postures(robot, given.postures, given.seed)
+        for i, posture in enumerate(shapes):
             options = {"kind": kind, "posture": posture, "link": link} | RAMP
             cells = []
             for allocator, kept in rows.items():

@@ -13,6 +13,8 @@ from snakegen.analysis.allocation import Allocation
 from snakegen.base.geometry import Floats
 from snakegen.robot.robot import Robot
 from snakegen.statics.joint_loads import joint_loads
+from snakegen.statics.largest_push import largest_push
+from snakegen.statics.vectored_body import vectored_body
 from snakegen.wrench_margins.controller import (
     AllocatorMargin,
     truncated_controller,
@@ -71,6 +73,31 @@ def push_margins(
     if isinstance(found, VectoredMargins):
         return PushMargins(link, _virtual(robot, q, a, link, found, tolerance))
     return PushMargins(link, _dual(robot, q, a, link, found, tolerance))
+
+
+def followed(robot: Robot, q: Floats, found: PushMargins, allocator: str) -> PushMargins:
+    """Returns the margins with `PushMargin.followed` of the constrained allocator's predictions.
+
+    The exact margins take thrust points and centre of gravity at the hover's gimbal angles. The
+    constrained allocator's gimbals turn by up to a radian before a push is lost, and what they
+    carry with them changes the limit by up to 11 %. The pseudo-inverse meets its first limit
+    before they have turned far: its closed form is left as it is.
+
+    Args:
+        robot, q, found: of virtual-single-rotor mode.
+        allocator: ``paper`` or ``constrained``.
+    """
+    if allocator != "constrained":
+        return found
+    kinds = {}
+    for kind, margins in found.kinds.items():
+        key, margin = found.prediction(kind, allocator)
+        kinds[kind] = dict(margins)
+        if 0.0 < margin.value < np.inf:
+            body = vectored_body(robot, q, np.array(margin.push), found.link)
+            t = largest_push(body, margin.value).t
+            kinds[kind][key] = replace(margin, followed=t if np.isfinite(t) else None)
+    return replace(found, kinds=kinds)
 
 
 def _virtual(

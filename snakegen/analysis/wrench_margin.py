@@ -8,7 +8,7 @@ import numpy as np
 
 from snakegen.analysis.allocation import Allocation, allocation
 from snakegen.analysis.hover_obstacles import hover_obstacles
-from snakegen.analysis.push_margins import DUAL_MODE, VIRTUAL_MODE, push_margins
+from snakegen.analysis.push_margins import DUAL_MODE, VIRTUAL_MODE, followed, push_margins
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError, near
 from snakegen.picture.design_steps_chart import draw_steps
@@ -131,7 +131,7 @@ def analyze(
         _failures(robot, q, a, names, units, tolerance, scale) if failures else (),
         tolerance,
         **scale,
-        push=_pushes(robot, q, a, link or robot.root_link, exact, tolerance),
+        push=_pushes(robot, q, a, link or robot.root_link, exact, tolerance, allocator),
         mode=str(robot.modules.control.get("mode", VIRTUAL_MODE)),
         allocator=allocator,
         steps=_steps(robot, q, picture) if sensitivity else None,
@@ -149,10 +149,19 @@ def _steps(robot: Robot, q: Floats, picture: str) -> DesignSteps:
 
 
 def _pushes(
-    robot: Robot, q: Floats, a: Allocation, link: str, exact: dict[str, Any], tolerance: float
+    robot: Robot,
+    q: Floats,
+    a: Allocation,
+    link: str,
+    exact: dict[str, Any],
+    tolerance: float,
+    allocator: str,
 ) -> dict[str, PushMargins]:
     """Returns the push margins of every mode whose exact margins there are."""
-    return {mode: push_margins(robot, q, a, link, m, tolerance) for mode, m in exact.items()}
+    out = {mode: push_margins(robot, q, a, link, m, tolerance) for mode, m in exact.items()}
+    if VIRTUAL_MODE in out and robot.modules.control.get("mode", VIRTUAL_MODE) == VIRTUAL_MODE:
+        out[VIRTUAL_MODE] = followed(robot, q, out[VIRTUAL_MODE], allocator)
+    return out
 
 
 def _weakest(found: ThrustMargins | VectoredMargins, name: str, labels: list[str]) -> Weakest:

@@ -27,18 +27,33 @@ class PushMargin:
         push: (6,) weakest push on the robot, of margin 1: ``value * push`` is at the limit; N and
             N m about the CoG, root-link axes; nan where the margin is 0 or nan.
         at_limit: names of the rotors, apparatuses or joints at their limit there.
+        followed: size of the weakest push at its limit when gimbals turn to the forces that they
+            carry, thrust points and centre of gravity with them; None where not worked out.
     """
 
     value: float
     bounds: tuple[float, float]
     push: tuple[float, ...]
     at_limit: tuple[str, ...]
+    followed: float | None = None
+
+    @property
+    def predicted(self) -> float:
+        """Returns the size of `push` at which a flight is predicted to lose it."""
+        return self.value if self.followed is None else self.followed
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns plain data; `followed` where it was worked out."""
+        out = asdict(self)
+        return out if self.followed is not None else {k: out[k] for k in out if k != "followed"}
 
     def text(self, kind: str) -> str:
         """Returns value, direction and limits for people."""
         if np.isnan(self.value):
             return "hover itself exceeds a limit"
         size = f"{self.value:.4g}{UNITS[kind]}"
+        if self.followed is not None:
+            size = f"{self.followed:.4g}{UNITS[kind]} as gimbals follow, margin {size}"
         if self.bounds[1] > (1.0 + OPEN) * self.bounds[0]:
             size += f" (at most {self.bounds[1]:.4g})"
         if not np.isfinite(self.push).all():
@@ -90,7 +105,7 @@ class PushMargins:
         """Returns plain data: margins by kind, and the prediction of each allocator."""
         out: dict[str, Any] = {"link": self.link}
         for kind, found in self.kinds.items():
-            out[kind] = {key: asdict(margin) for key, margin in found.items()}
+            out[kind] = {key: margin.to_json() for key, margin in found.items()}
             out[kind]["prediction"] = {a: self.prediction(kind, a)[0] for a in ALLOCATORS}
         return out
 

@@ -147,7 +147,7 @@ class Margins:
         out: dict[str, Any] = {"mode": self.mode, "allocator": self.allocator, "link": found.link}
         for kind in found.kinds:
             key, margin = found.prediction(kind, self.allocator)
-            out[kind] = asdict(margin) | {"margin": key}
+            out[kind] = margin.to_json() | {"margin": key}
         return out
 
     def _predicted(self) -> list[tuple[str, str]]:

@@ -64,7 +64,8 @@ class Plan:
             run faster (`trim.trimmed`).
         facts: what the mission wants in the log, as JSON.
         kind: by which tracking is judged; the mission's name if empty.
-        drawn: more of these facts by the thrust factors (n,) that the plant drew; None for none.
+        drawn: more of these facts by what the plant drew: thrust factors (n,), and offsets
+            (l,) [N m] of the torques that servos report; None for none.
         settling: s, in which integrals settle along the plan; 0: as the gains have it.
         rate_filter: Hz, low-pass on measured rates where the robot has none of its own; 0: none.
     """
@@ -94,7 +95,7 @@ class Plan:
     trim: int = 0
     facts: dict[str, Any] = field(default_factory=dict)
     kind: str = ""
-    drawn: Callable[[Floats], dict[str, Any]] | None = None
+    drawn: Callable[[Floats, Floats], dict[str, Any]] | None = None
     settling: float = 0.0
     rate_filter: float = 0.0
 

@@ -168,7 +168,7 @@ class Ready:
         if plan.mode is not None:
             meta["mode_changes"] = _mode_changes(plan, recorder.done)
         if plan.drawn is not None:
-            meta["facts"] = meta["facts"] | plan.drawn(noise.thrust_factor)
+            meta["facts"] = meta["facts"] | plan.drawn(noise.thrust_factor, noise.torques)
         if flown.trimmed:
             held = trim_sigmas(self.robot, self.controller, plan, flown.trimmed)
             meta["trim"] = flown.trimmed | {"sigmas": held}

@@ -14,9 +14,12 @@ from snakegen.analysis.allocation import Allocation, allocation
 from snakegen.analysis.push_margins import servo_bounds
 from snakegen.base.geometry import skew
 from snakegen.control.controller import Controller
+from snakegen.control.servos import bounded_joints
 from snakegen.kernels.control.types import VIRTUAL
 from snakegen.robot.robot import Robot
 from snakegen.statics.joint_loads import joint_loads
+from snakegen.statics.largest_push import largest_push
+from snakegen.statics.vectored_body import vectored_body, with_draw
 from snakegen.wrench_margins.inputs import force_map
 from snakegen.wrench_margins.rays import Bounds, inverse_ray, thrust_ray, vectored_ray
 
@@ -64,6 +67,29 @@ def _virtual(
     inverse = given @ np.linalg.pinv(true @ given)
     ceiling = np.bincount(owner, rotors.thrust_max)
     return inverse_ray(inverse, a.hover_wrench, push, 0.0, ceiling, bounds, balls=True).t
+
+
+def informed_least_forces(
+    robot: Robot,
+    q: Floats,
+    push: Floats,
+    link: str,
+    factors: Floats,
+    offsets: Floats,
+    expected: float,
+) -> float:
+    """Returns the multiple of `push` that least forces within limits hold, the draw known.
+
+    Args:
+        robot: in virtual-single-rotor mode, with the constrained allocator.
+        q, push, link, factors: as `informed_limit`.
+        offsets: (k,) N m, of the torques that the bounded joints' servos report; none if empty.
+        expected: multiple to expect, the prediction of the nominal body.
+    """
+    body = vectored_body(robot, q, push, link)
+    told = dict(zip(bounded_joints(robot), offsets, strict=False))
+    off = np.array([told.get(name, 0.0) for name in body.joints])
+    return largest_push(with_draw(body, factors, off), expected).t
 
 
 def true_points(robot: Robot, a: Allocation, factors: Floats) -> tuple[Floats, Floats]:

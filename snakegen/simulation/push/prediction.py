@@ -15,7 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.analysis.allocation import Allocation, allocation
-from snakegen.analysis.push_margins import allocator_margin, push_margins, servo_bounds
+from snakegen.analysis.push_margins import (
+    allocator_margin,
+    followed,
+    push_margins,
+    servo_bounds,
+)
 from snakegen.control.controller import Controller
 from snakegen.errors import MissionError
 from snakegen.kernels.control.types import VIRTUAL
@@ -40,7 +45,9 @@ class Forecast:
 
     Attributes:
         push: (6,) unit of the push on the robot, N and N m, root-link axes, about the CoG.
-        held: multiple of it at the rigid prediction, thrust and servos within limits.
+        held: multiple of it at the rigid prediction, thrust and servos within limits; gimbals
+            turned to what they carry for the constrained allocator (`push_margins.followed`).
+        printed_margin: multiple of it at the printed margin, gimbals as they hover.
         thrust_only: the same margin without servo limits, in its own weakest direction.
         loaded: multiple of the push at the limit of the loaded body; nan where none was found.
         stopped: what is at its limit at `held`.
@@ -51,6 +58,7 @@ class Forecast:
 
     push: Floats
     held: float
+    printed_margin: float
     thrust_only: float
     loaded: float
     stopped: tuple[str, ...]
@@ -62,6 +70,7 @@ class Forecast:
         """Returns plain data; values that are not finite are null."""
         numbers = {
             "held": self.held,
+            "printed_margin": self.printed_margin,
             "thrust_only": self.thrust_only,
             "held_loaded": self.loaded,
         }
@@ -98,7 +107,11 @@ def forecast(
     if virtual and kind == "wrench":
         found = _with_wrench(robot, q, a, found, exact)
     kind = kind if virtual else "attitude_altitude"
-    key, margin = found.prediction(kind, "constrained" if constrained else "paper")
+    allocator = "constrained" if constrained else "paper"
+    key, margin = found.prediction(kind, allocator)
+    if virtual:
+        one = followed(robot, q, PushMargins(name, {kind: found.kinds[kind]}), allocator)
+        key, margin = one.prediction(kind, allocator)
     if not 0 < margin.value < np.inf:
         raise MissionError(
             f"{robot.name} holds no push in this posture: its margin is 0 (a singular posture) or "
@@ -114,7 +127,8 @@ def forecast(
     else:
         bent = follow(load, margin.value)
     stopped = _names_loaded(load, bent)
-    return Forecast(push, margin.value, free, bent.t, margin.at_limit, stopped, name, key)
+    held = (margin.predicted, margin.value, free, bent.t)
+    return Forecast(push, *held, margin.at_limit, stopped, name, key)
 
 
 def _exact(

@@ -24,7 +24,7 @@ from snakegen.simulation.flight.postures import (
     resting_attitude,
     resting_joints,
 )
-from snakegen.simulation.push.informed import informed_limit
+from snakegen.simulation.push.informed import informed_least_forces, informed_limit
 from snakegen.simulation.push.prediction import Forecast, forecast
 from snakegen.simulation.recording.recording import Recording
 
@@ -63,6 +63,7 @@ SETTLE = 4.0  # s of rest at 0.8, and of hover before the ramp
 KNEE = 0.8
 LOST_M = 0.02  # beyond the lag behind the ramp; ZN23's Table 6 tracks to 0.017 … 0.038 m
 LOST_RAD = 0.02  # and to 0.026 … 0.033 rad
+TURNED = 1e-6  # rad, from its limit: a gimbal is at it
 LOST_JOINT = 0.01  # rad, beyond what a servo's stiffness explains: it is at its limit, and yields
 
 
@@ -144,7 +145,7 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
             "slow_from_s": float(corners[4]),
             "joint_give": give(robot, driven_joints(robot)).tolist(),
         },
-        drawn=lambda factors: _informed(robot, controller, start, found, factors),
+        drawn=lambda *draw: _informed(robot, controller, start, found, *draw),
         thresholds={
             judged if options.ideal else "informed_ratio": _bounds(options.ideal),
             **(
@@ -165,18 +166,28 @@ def _bounds(both: bool) -> dict[str, float]:
 
 
 def _informed(
-    robot: Robot, controller: Controller, start: Floats, found: Forecast, factors: Floats
+    robot: Robot,
+    controller: Controller,
+    start: Floats,
+    found: Forecast,
+    factors: Floats,
+    offsets: Floats,
 ) -> dict[str, Any]:
-    """Returns the prediction that knows the thrust factors drawn, in multiples of the push.
+    """Returns the prediction that knows what was drawn, in multiples of the push.
 
     The prediction (in dual-rotor mode that of the deflected body), changed by as much as the
-    reach along the push changes: of free gimbals, whose limits factors do not move.
+    reach along the push changes: of free gimbals, whose limits factors do not move. The constrained
+    allocator in virtual-single-rotor mode also reads its servos' torques with their `offsets`.
     """
     given = (robot, controller, start, found.push, found.link)
     limit = found.held
-    if controller.mode != VIRTUAL and np.isfinite(found.loaded):
-        limit = found.loaded
-    limit *= informed_limit(*given, factors) / informed_limit(*given, np.ones_like(factors))
+    if controller.mode == VIRTUAL and controller.law.constrained:
+        draw = (found.push, found.link, factors, offsets)
+        limit = informed_least_forces(robot, start, *draw, found.held)
+    else:
+        if controller.mode != VIRTUAL and np.isfinite(found.loaded):
+            limit = found.loaded
+        limit *= informed_limit(*given, factors) / informed_limit(*given, np.ones_like(factors))
     known = {"held_informed": limit if np.isfinite(limit) else None}
     return {"forecast": found.to_json() | known, "thrust_factors": factors.tolist()}
 
@@ -256,7 +267,7 @@ def _over(value: float, whole: float | None) -> float | None:
 
 
 def _first_limit(recording: Recording, share: Any) -> float | None:
-    """Returns the share of the prediction at which a rotor or a joint servo first is at its limit.
+    """Returns the share of the prediction at which a rotor, a gimbal or a servo meets its limit.
 
     For the pseudo-inverse this is what its margin predicts; the loop may hold more.
     """
@@ -265,6 +276,11 @@ def _first_limit(recording: Recording, share: Any) -> float | None:
     most, least = np.asarray(limits["thrust_max"]), np.asarray(limits["thrust_min"])
     slack = 1e-4 * most
     at = np.any((asked >= most - slack) | (asked <= least + slack), axis=1)
+    turned = recording.channel("gimbal_command").values
+    lower, upper = np.asarray(limits["gimbal_lower"]), np.asarray(limits["gimbal_upper"])
+    held = np.abs(np.append(lower, upper)).max(initial=0.0) < np.pi - 1e-6
+    if held:  # a gimbal that turns all the way round has no limit to meet
+        at |= np.any((turned <= lower + TURNED) | (turned >= upper - TURNED), axis=1)
     torque = np.abs(recording.channel("joint_torque").values)
     at |= np.any(torque >= 0.999 * np.asarray(limits["joint_torque"]), axis=1)
     first = np.flatnonzero(at)
