@@ -156,7 +156,7 @@ def test_a_push_is_lost_where_the_analysis_says(robot, allocator):
     start = recording_start(robot)
     page = wrench_margin.analyze(robot, start, allocator=allocator).to_json()["prediction"]
     named = page["torque"]["value" if allocator == "paper" else "followed"]
-    assert found["held"] == pytest.approx(named, rel=1e-6)
+    assert found["held"] == pytest.approx(named, rel=2e-3)
     assert found["printed_margin"] == pytest.approx(page["torque"]["value"], rel=1e-9)
     assert found["push"] == pytest.approx(page["torque"]["push"], abs=1e-9)
     assert m["tracking_lost"] and 0.95 <= m["ratio"] <= 1.05

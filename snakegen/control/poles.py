@@ -24,8 +24,9 @@ NO_EFFECT = 1e-6  # sideways acceleration per g below which gimbals do not move 
 LONGEST = 3.0  # s, delays beyond which a loop counts as indifferent to delay
 NDComplex = NDArray[np.complex128]
 S = Polynomial([0.0, 1.0])
-# of a delay [s]: numerator and characteristic polynomial, of the way from a target to its axis
-System = Callable[[float], tuple[Polynomial, Polynomial]]
+# of a delay [s]: numerator and characteristic polynomial, of the way from a target to its axis,
+# and the factor of s² in the latter
+System = Callable[[float], tuple[Polynomial, Polynomial, Polynomial]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +137,31 @@ def settling_times(
     cutoff = controller.law.rate_filter
     systems = _systems(gains, mode, lag, (float(left), float(ahead)), True, cutoff)
     return {
-        a: np.inf if s is None else _settling(*s(delay), band)
+        a: np.inf if s is None else _settling(*s(delay)[:2], band)
         for a, s in zip(AXES, systems, strict=True)
     }
+
+
+def compliances(
+    controller: Controller, gains: Gains, mode: int, *, lag: float, delay: float = 0.0
+) -> list[tuple[NDComplex, NDComplex] | None]:
+    """Returns poles and residues of each axis' displacement by an acceleration that acts on it.
+
+    ``e(t) = Σ r ∫ e^{p (t - u)} a(u) du``; None for an axis that nothing moves. Arguments as in
+    `flight_loops`.
+    """
+    left, ahead = vectoring_share(controller)
+    cutoff = controller.law.rate_filter
+    systems = _systems(gains, mode, lag, (float(left), float(ahead)), True, cutoff)
+    out: list[tuple[NDComplex, NDComplex] | None] = []
+    for s in systems:
+        if s is None:
+            out.append(None)
+            continue
+        _, bottom, free = s(delay)
+        poles = _poles(bottom)
+        out.append((poles, free(poles) / bottom.deriv()(poles)))
+    return out
 
 
 def _settling(top: Polynomial, bottom: Polynomial, band: float) -> float:
@@ -206,12 +229,16 @@ def _pid(row: Floats, cutoff: float = 0.0) -> tuple[Polynomial, Polynomial, Poly
 
 
 def _single(row: Floats, lag: float, cutoff: float) -> System:
-    """Returns ``H (K_p + K_i/s) / (s² + H C)``: the target's way to the axis."""
+    """Returns ``H (K_p + K_i/s) / (s² + H C)``: the target's way to the axis.
+
+    With it the characteristic polynomial, and the factor of s² in that.
+    """
     top_c, slow_c, bottom_c = _pid(row, cutoff)
 
-    def system(delay: float) -> tuple[Polynomial, Polynomial]:
+    def system(delay: float) -> tuple[Polynomial, Polynomial, Polynomial]:
         top, bottom = _actuator(lag, delay)
-        return top * slow_c, S**2 * bottom * bottom_c + top * top_c
+        free = bottom * bottom_c
+        return top * slow_c, S**2 * free + top * top_c, free
 
     return system
 
@@ -227,11 +254,12 @@ def _cascade(
     top_f, slow_f, bottom_f = _pid(outer, cutoff)
     top_t, slow_t, bottom_t = _pid(inner, cutoff)
 
-    def system(delay: float) -> tuple[Polynomial, Polynomial]:
+    def system(delay: float) -> tuple[Polynomial, Polynomial, Polynomial]:
         top, bottom = _actuator(lag, delay)
         below = S**2 * bottom * bottom_t + top * top_t
         reach = tilt * top * slow_t * bottom + vector * top * below
-        return reach * slow_f, S**2 * bottom * bottom_f * below + reach * top_f
+        free = bottom * bottom_f * below
+        return reach * slow_f, S**2 * free + reach * top_f, free
 
     return system
 

@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 from snakegen.base.geometry import Floats
 from snakegen.statics.vectored_body import VectoredBody
 
-STRIDE, FINEST = 0.25, 2e-3  # of the expected push: first step, and where steps end
+STRIDE, FINEST = 0.25, 5e-4  # of the expected push: first step, and where steps end
 FARTHEST = 3.0  # times the expected push
 JUMP = 0.5  # rad, of a gimbal in one step: farther is another branch
 HELD, OVER = 1e-6, 1e-5  # share of weight and of servo limits that an answer may miss
@@ -55,7 +55,7 @@ def largest_push(body: VectoredBody, expected: float) -> LargestPush:
             step *= 0.5
         else:
             x, t = there, t + step
-    return LargestPush(float(t), x, body.limits_met(x, t, 5.0 * FINEST))
+    return LargestPush(float(t), x, body.limits_met(x, t, 20.0 * FINEST))
 
 
 def _least_forces(body: VectoredBody, start: Floats, t: float) -> Floats | None:

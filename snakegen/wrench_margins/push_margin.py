@@ -53,7 +53,7 @@ class PushMargin:
             return "hover itself exceeds a limit"
         size = f"{self.value:.4g}{UNITS[kind]}"
         if self.followed is not None:
-            size = f"{self.followed:.4g}{UNITS[kind]} as gimbals follow, margin {size}"
+            size = f"{self.followed:.3g}{UNITS[kind]} as gimbals follow, margin {size}"
         if self.bounds[1] > (1.0 + OPEN) * self.bounds[0]:
             size += f" (at most {self.bounds[1]:.4g})"
         if not np.isfinite(self.push).all():

@@ -60,6 +60,8 @@ class Plan:
         obstacles: solids in the world.
         give_up: m, distance of the CoG from its target at which the run ends.
         tracked: whether the flight is to follow its references undisturbed, and is judged so.
+        disturbed: whether it is a hover that its disturbance or wind displaces once, and is judged
+            by its linear response (`disturbance_budget`).
         trim: ticks of hover at the start, at times below the mission's 0, in which the integrals
             run faster (`trim.trimmed`).
         facts: what the mission wants in the log, as JSON.
@@ -92,6 +94,7 @@ class Plan:
     obstacles: tuple[Box | Solid, ...] = ()
     give_up: float = float("inf")
     tracked: bool = True
+    disturbed: bool = False
     trim: int = 0
     facts: dict[str, Any] = field(default_factory=dict)
     kind: str = ""

@@ -13,6 +13,7 @@ from snakegen.control.controller import Controller, flight_controller, gain_set
 from snakegen.control.servos import bounded_joints
 from snakegen.errors import MissionError
 from snakegen.robot.robot import Robot
+from snakegen.simulation.flight.disturbance_budget import disturbed_bounds
 from snakegen.simulation.flight.elastic import modal_frequencies
 from snakegen.simulation.flight.error_budget import integral_limits
 from snakegen.simulation.flight.flight_bounds import (
@@ -259,11 +260,14 @@ def prepare(
             _MODES[controller.mode],
         )
         plan = replace(plan, thresholds=bounds | plan.thresholds)
+    imperfections = Imperfections.of(robot.modules.plant)
+    imperfections = imperfections.ideal() if ideal else imperfections
+    if plan.disturbed and imperfections.turbulence == imperfections.wind_speed == 0.0:
+        known = disturbed_bounds(robot, controller, chosen, plan, modes[controller.mode])
+        plan = replace(plan, thresholds=plan.thresholds | known)
     damping = Damping.of(control)
     if damping.gain > 0.0:
         check_redundancy(controller, robot.name)
-    imperfections = Imperfections.of(robot.modules.plant)
-    imperfections = imperfections.ideal() if ideal else imperfections
     if hasattr(module, "plant"):
         imperfections = module.plant(imperfections, asked)
     check_air(plan, imperfections)

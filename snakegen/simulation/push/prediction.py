@@ -1,11 +1,13 @@
 """Prediction of a push: the margin that `analyze margin` prints, and the limit of the loaded body.
 
 The rigid prediction comes first: margin and weakest direction of the commanded posture, for the
-allocator and mode that fly. It shares thrust limits, servo limits, masses and drag ratio with the
-plant, and nothing else. The loaded prediction is that of the same push on the body in its
-quasi-static equilibrium: servos deflected by τ/k, thrust points where the gimbals take them; it
-shares the servos' stiffness with the plant too. In dual-rotor mode, whose yaw is drag alone, a
-deflection of a hundredth of a radian changes the limit by a quarter, and the loaded one is judged.
+allocator and mode that fly; with the constrained allocator, what least forces hold along that
+direction when gimbals turn to what they carry. It shares thrust limits, servo limits, masses and
+drag ratio with the plant, and nothing else. The loaded prediction is that of the same push on the
+body in its quasi-static equilibrium: servos deflected by τ/k, thrust points where the gimbals take
+them; it shares the servos' stiffness with the plant too. In dual-rotor mode, whose yaw is drag
+alone, a deflection of a hundredth of a radian changes the limit by a quarter, and the loaded one
+is judged.
 """
 
 from dataclasses import dataclass

@@ -93,6 +93,7 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
         ),
         **blown,
         tracked=False,
+        disturbed=options.turbulence == 0.0,
     )
 
 

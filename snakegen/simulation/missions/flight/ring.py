@@ -107,6 +107,7 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
             }
         },
         tracked=False,
+        disturbed=not options.moving,
     )
 
 
