@@ -263,7 +263,7 @@ def prepare(
     imperfections = Imperfections.of(robot.modules.plant)
     imperfections = imperfections.ideal() if ideal else imperfections
     if plan.disturbed and imperfections.turbulence == imperfections.wind_speed == 0.0:
-        known = disturbed_bounds(robot, controller, chosen, plan, modes[controller.mode])
+        known = disturbed_bounds(robot, controller, chosen, plan, _MODES[controller.mode])
         plan = replace(plan, thresholds=plan.thresholds | known)
     damping = Damping.of(control)
     if damping.gain > 0.0:
