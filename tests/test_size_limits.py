@@ -2,10 +2,12 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import snakegen
 from snakegen.base import memory, yaml_file
 from snakegen.base.number_table import read_number_table
 from snakegen.errors import AnalysisError, SnakegenError, SpecError
@@ -98,3 +100,14 @@ def test_a_chain_too_deep_for_pinocchio_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SnakegenError, match="3201 links in a row; Pinocchio reads up to 3000"):
         load(path)
     assert not [f for f in lint.lint(path) if f.severity == "error"]
+
+
+@pytest.mark.parametrize("call", [load, snakegen.convert, snakegen.adopt])
+def test_a_device_without_an_end_is_refused(call: Any, tmp_path: Path) -> None:
+    """A link to /dev/zero: its size is 0, and reading it never ends."""
+    path = tmp_path / "zero.urdf"
+    path.symlink_to("/dev/zero")
+    with pytest.raises(SnakegenError, match="Is a device"):
+        call(path)
+    (found,) = lint.lint(path)
+    assert found.code == "unreadable" and "Is a device" in found.message

@@ -73,11 +73,13 @@ def _count(number: int, what: str) -> str:
 def _mend(path: Path) -> list[str]:
     """Mends the file in place, whole or not at all; returns what was done."""
     from snakegen.base.atomic_io import write_atomically
+    from snakegen.base.bounded_text import read_bounded
     from snakegen.linter.fixes import fix
+    from snakegen.linter.lint import LARGEST
     from snakegen.linter.xml_tree import XmlFault
 
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_bounded(path, LARGEST)
         mended, done = fix(text, path.parent)
     except XmlFault:
         return []  # the findings say where it is broken

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
+from snakegen.base.bounded_text import read_bounded
 from snakegen.errors import DescriptionError
 from snakegen.linter.body_rules import body_faults
 from snakegen.linter.file_rules import mesh_faults
@@ -55,7 +56,7 @@ def lint(
             if path.is_file() and path.stat().st_size > LARGEST:
                 message = f"the file has {path.stat().st_size / 1e6:.0f} MB, at most "
                 return [finding("too_large", "", 1, f"{message}{LARGEST / 1e6:.0f} are read")]
-            text = path.read_text(encoding="utf-8")
+            text = read_bounded(path, LARGEST)
             base = base or path.parent
         return _findings(text, base, frozenset(extensions), quick)
     except (OSError, ValueError) as fault:

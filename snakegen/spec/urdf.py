@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from snakegen.base import yaml_file
+from snakegen.base.bounded_text import read_bounded
 from snakegen.errors import DescriptionError
 from snakegen.spec.loading import load_spec, templates_folder
 from snakegen.spec.xacro_speed import one_step_replacement
@@ -80,7 +81,7 @@ def read_urdf(path: Path) -> str:
             raise DescriptionError(
                 f"{path}: {size / 1e6:.4g} MB; up to {MAX_BYTES / 1e6:g} MB are read."
             )
-        text = path.read_text(encoding="utf-8").removeprefix("\ufeff")
+        text = read_bounded(path, MAX_BYTES).removeprefix("\ufeff")
         body = text.lstrip()  # a blank before the declaration is common, and no XML
         return body if body.startswith("<?xml") else text
     except FileNotFoundError:
@@ -88,4 +89,5 @@ def read_urdf(path: Path) -> str:
     except IsADirectoryError:
         raise DescriptionError(f"{path}: is a folder.") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise DescriptionError(f"{path}: cannot be read ({error}).") from None
+        reason = getattr(error, "strerror", None) or str(error)
+        raise DescriptionError(f"{path}: cannot be read ({reason}).") from None
