@@ -1,15 +1,17 @@
 """Derivatives of margins: accuracy off kinks, subgradients at kinks, cost against the values.
 
-    python benchmarks/margin_gradients.py [ENTRIES]
+    python benchmarks/margin_gradients.py [--entries 10000] [--kinks 10000] [--seed 0]
 
 Accuracy: random entries of the derivatives by joints of dragon4 against central differences of
 exact margins, each found anew by its own certified search. Kinks: postures at which two worst
-directions tie, found by bisection; one-sided slopes along random directions must be the least of
-the pieces' products. Cost: the compiled twin after the certified search of the same margin.
+directions tie, found by bisection and then on both branches; one-sided slopes along random
+directions must be the least of the pieces' products. Cost: the compiled twin after the certified
+search of the same margin.
 """
 
-import sys
+import argparse
 import time
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,11 +19,15 @@ import snakegen
 from snakegen.design_search.body_arrays import BodyArrays
 from snakegen.design_search.posture_margins import place_design
 from snakegen.kernels.margins import one_slice, saddle_point
-from snakegen.sensitivity.margin_gradient import margin_gradients
+from snakegen.sensitivity.margin_gradient import MarginGradient, margin_gradients
+from snakegen.wrench_margins import saddle_point as saddle
 from snakegen.wrench_margins.gradients import UNIT
 
 STEP = 1e-5
 POSTURES = 3000  # of the cost
+SHOWN = 500  # entries, or kinks, between two lines
+APART = 0.7  # cosine between worst directions that are two
+COARSE, FINE = 10, 8  # halvings of a line, then secants between the two branches
 
 
 def posture(robot: snakegen.Robot, rng: np.random.Generator) -> np.ndarray:
@@ -31,20 +37,20 @@ def posture(robot: snakegen.Robot, rng: np.random.Generator) -> np.ndarray:
     return np.array(robot.configuration(angles, base_rpy=rng.uniform(-0.5, 0.5, 3)))
 
 
-def accuracy(robot: snakegen.Robot, entries: int) -> None:
+def accuracy(robot: snakegen.Robot, entries: int, seed: int) -> None:
     """Prints the relative errors of random entries."""
-    rng, errors, kinks = np.random.default_rng(0), list[float](), 0
+    rng, errors, kinks = np.random.default_rng(seed), list[float](), 0
     while len(errors) < entries:
         q = posture(robot, rng)
         for kind in ("force", "torque"):
-            found = margin_gradients(robot, q, kind)
+            found = margin_gradients(robot, q, kind, ties=False)
             by = found.by("joints")
             for i in rng.choice(len(by), 4, replace=False):
                 moved = []
                 for side in (STEP, -STEP):
                     at = q.copy()
                     at[7 + i] += side
-                    moved.append(margin_gradients(robot, at, kind))
+                    moved.append(margin_gradients(robot, at, kind, ties=False))
                 twists = [g.pieces[0].twist for g in (found, *moved)]
                 size = np.abs(twists[0]).max()
                 if max(np.abs(t - twists[0]).max() for t in twists) > 1e-2 * size:
@@ -52,36 +58,93 @@ def accuracy(robot: snakegen.Robot, entries: int) -> None:
                     continue
                 difference = (moved[0].value - moved[1].value) / (2.0 * STEP)
                 errors.append(abs(difference - by[i]) / np.abs(by).max())
+                if len(errors) % SHOWN == 0 or len(errors) == entries:
+                    _errors(np.array(errors), kinks)
+
+
+def _errors(errors: np.ndarray, kinks: int) -> None:
     worst = np.sort(errors)
     print(
         f"{len(worst)} entries off kinks ({kinks} left out): relative error median "
-        f"{np.median(worst):.1e}, 99 % {worst[int(0.99 * len(worst))]:.1e}, largest {worst[-1]:.1e}"
+        f"{np.median(worst):.1e}, 99 % {worst[int(0.99 * len(worst))]:.1e}, largest "
+        f"{worst[-1]:.1e}, {np.mean(worst <= 1e-6):.2%} within 1e-6",
+        flush=True,
     )
 
 
-def kinks(robot: snakegen.Robot, count: int) -> None:
+@dataclass
+class Line:
+    """The torque margin along a line of postures."""
+
+    robot: snakegen.Robot
+    start: np.ndarray
+    way: np.ndarray
+
+    def at(self, t: float) -> MarginGradient:
+        """Returns the margin at t, from a certified search of its own."""
+        return margin_gradients(self.robot, self.start + t * self.way, "torque")
+
+    def piece(self, t: float, twist: np.ndarray) -> tuple[float, np.ndarray]:
+        """Returns the value and the twist of the local optimum near a twist."""
+        robot, q = self.robot, self.start + t * self.way
+        sets, up = robot.force_sets(q), robot.base_pose(q)[0][2]
+        scale = np.repeat([robot.force_scale, robot.torque_scale], 3)
+        hover = np.r_[robot.force_scale * up, 0.0, 0.0, 0.0] / scale
+        found = saddle.saddle_point(
+            sets.stacked(scale)[0][0], sets.frames @ sets.spans, sets.low / scale[0],
+            sets.high / scale[0], hover, UNIT["torque"], twist * scale / scale[3],
+        )  # fmt: skip
+        if not found.solved:
+            raise ArithmeticError
+        return found.value * scale[3], found.twist * scale[3] / scale
+
+    def tie(self) -> float | None:
+        """Returns t at which two worst directions tie; None where none is found."""
+        low, high, one, other = 0.0, 0.5, self.at(0.0), self.at(0.5)
+        first, last = (g.pieces[0].twist for g in (one, other))
+        if first[3:] @ last[3:] > APART:
+            return None
+        for _ in range(COARSE):
+            middle = 0.5 * (low + high)
+            now = self.at(middle).pieces[0].twist
+            if first[3:] @ now[3:] > APART:
+                low, first = middle, now
+            else:
+                high, last = middle, now
+        if first[3:] @ last[3:] > APART:
+            return None
+        ends = np.array([low, high])
+        gaps = []
+        for t in ends:
+            (a, first), (b, last) = self.piece(t, first), self.piece(t, last)
+            gaps.append(a - b)
+        for _ in range(FINE):
+            if gaps[1] == gaps[0]:
+                break
+            t = ends[1] - gaps[1] * (ends[1] - ends[0]) / (gaps[1] - gaps[0])
+            (a, first), (b, last) = self.piece(t, first), self.piece(t, last)
+            ends, gaps = np.array([ends[1], t]), [gaps[1], a - b]
+            if abs(gaps[1]) < 1e-13 * abs(a):
+                break
+        return float(ends[1])
+
+
+def kinks(robot: snakegen.Robot, count: int, seed: int) -> None:
     """Prints how many slopes at kinks agree with the pieces."""
-    rng, found, right, valid = np.random.default_rng(1), 0, 0, 0
+    rng, found, right, valid, lone = np.random.default_rng(seed), 0, 0, 0, 0
     while found < count:
         q, way = posture(robot, rng), np.zeros(robot.model.nq)
         way[7:] = rng.standard_normal(len(way) - 7)
-
-        def optimum(t: float, q: np.ndarray = q, way: np.ndarray = way) -> np.ndarray:
-            return np.asarray(margin_gradients(robot, q + t * way, "torque").pieces[0].twist[3:])
-
-        low, high, first = 0.0, 0.5, optimum(0.0)
-        if first @ optimum(high) > 0.7:
+        try:
+            t = Line(robot, q, way).tie()
+        except ArithmeticError:  # Newton's method lost a branch on the way
             continue
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            now = optimum(middle)
-            if first @ now > 0.7:
-                low, first = middle, now
-            else:
-                high = middle
-        at = q + low * way
+        if t is None:
+            continue
+        at = q + t * way
         g = margin_gradients(robot, at, "torque")
-        if len(g.pieces) < 2:  # it turned fast, but there is no tie
+        if len(g.pieces) < 2:  # a third direction is worse than the two that tie
+            lone += 1
             continue
         found += 1
         slopes = np.array([g.by("joints", k) for k in range(len(g.pieces))])
@@ -92,8 +155,12 @@ def kinks(robot: snakegen.Robot, count: int) -> None:
         size = np.abs(slopes @ turn[7:]).max()
         right += int(abs(slope - least) <= 1e-3 * size)
         valid += int(slope <= slopes[0] @ turn[7:] + 1e-3 * size)
-    print(f"{found} kinks: one-sided slope is the least of the pieces' in {right}, no more than "
-          f"the subgradient's in {valid}")  # fmt: skip
+        if found % SHOWN == 0 or found == count:
+            print(
+                f"{found} kinks ({lone} ties that are not the least left out): one-sided slope is "
+                f"the least of the pieces' in {right}, no more than the subgradient's in {valid}",
+                flush=True,
+            )
 
 
 def cost(robot: snakegen.Robot) -> None:
@@ -129,7 +196,16 @@ def cost(robot: snakegen.Robot) -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--entries", type=int, default=10_000)
+    parser.add_argument("--kinks", type=int, default=10_000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--no-cost", action="store_true")
+    options = parser.parse_args()
     machine = snakegen.load("dragon4")
-    cost(machine)
-    accuracy(machine, int(sys.argv[1]) if len(sys.argv) > 1 else 10_000)
-    kinks(machine, 200)
+    if not options.no_cost:
+        cost(machine)
+    if options.entries:
+        accuracy(machine, options.entries, options.seed)
+    if options.kinks:
+        kinks(machine, options.kinks, options.seed + 1)
