@@ -30,7 +30,7 @@ class Saddle:
 
     Attributes:
         value: μ, the scaled margin there.
-        twist: (6,) d.
+        twist: (6,) d, or as many as the problem has dimensions.
         forces: (n, 3) f_j, which give ``w0 + μ M d``.
         solved: whether the residual is rounding.
     """
@@ -75,8 +75,31 @@ def saddle_point(
         d: (6,) start.
         rounded: one of `ROUNDED`, to be tried in turn.
     """
-    jacobians = force_jacobians(points)
-    n, m = len(high), 3 * len(high)
+    return newton(force_jacobians(points), spans, (low, high), hover, rows, d, rounded)
+
+
+def newton(
+    jacobians: Floats,
+    spans: Floats,
+    limits: tuple[Floats, Floats],
+    hover: Floats,
+    rows: Floats,
+    d: Floats,
+    rounded: float = ROUNDED[0],
+) -> Saddle:
+    """Returns the stationary point in any number c of dimensions, from d (c,).
+
+    Args:
+        jacobians: B (n, 3, c), what a direction moves each force's point by.
+        spans: (n, 3, 3), as `saddle_point`.
+        limits: low and high, (n,) each.
+        hover: (c,) what the forces must give.
+        rows: (c,) diagonal of M.
+        d: (c,) start.
+        rounded: one of `ROUNDED`.
+    """
+    low, high = limits
+    n, m, c = len(high), 3 * len(high), len(hover)
     dims = (spans**2).sum(axis=1).round().sum(axis=1)
     segment = dims < 1.5
     onto = spans @ spans.transpose(0, 2, 1)
@@ -114,21 +137,21 @@ def saddle_point(
     for _ in range(STEPS):
         if np.abs(left).max() < 0.01 * SOLVED * size:
             break
-        a = np.zeros((7 + m, 7 + m))
-        a[:6, :6] = -mu * np.diag(rows)
-        a[:6, -1] = a[-1, :6] = -rows * d
-        a[:6, 6:-1] = jacobians.transpose(2, 0, 1).reshape(6, m)
+        a = np.zeros((c + 1 + m, c + 1 + m))
+        a[:c, :c] = -mu * np.diag(rows)
+        a[:c, -1] = a[-1, :c] = -rows * d
+        a[:c, c:-1] = jacobians.transpose(2, 0, 1).reshape(c, m)
         for j in range(n):
-            at = slice(6 + 3 * j, 9 + 3 * j)
+            at = slice(c + 3 * j, c + 3 * j + 3)
             a[at, at] = np.eye(3) - slope[j]
-            a[at, :6] = -stiff[j] * slope[j] @ jacobians[j]
-        a -= DAMPED * np.diag(np.r_[np.ones(6), -np.ones(m), 0.0])
+            a[at, :c] = -stiff[j] * slope[j] @ jacobians[j]
+        a -= DAMPED * np.diag(np.r_[np.ones(c), -np.ones(m), 0.0])
         step = np.linalg.solve(a, -left)
         share, before = 1.0, np.linalg.norm(left)
         while True:
             trial = (
-                d + share * step[:6],
-                f + share * step[6:-1].reshape(n, 3),
+                d + share * step[:c],
+                f + share * step[c:-1].reshape(n, 3),
                 mu + share * step[-1],
             )
             left, slope = residual(*trial)
