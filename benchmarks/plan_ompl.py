@@ -93,7 +93,7 @@ def solve(motion: Motion, demands: Demands, name: str, seconds: float, seed: int
         found = np.array([[s[k] for k in range(size)] for s in path.getStates()])
         there = in_time(body, found, demands)
         proved = certify(body, there, enough=enough(demands))
-        made = Motion(there, proved, expected(body, there), body, 0, 0.0)
+        made = Motion(there, proved, expected(body, there), 0.0, body, 0, 0.0)
         row |= {"seconds": float(there.times[-1]), "unmet": made.unmet(demands)}
     return row
 

@@ -30,6 +30,7 @@ from snakegen.spec.loading import load_spec
 
 LINKS = (4, 6, 8)
 KINDS = ("ceiling", "wall", "pipe", "two walls")
+BATTERY = 213.0 / 4.0  # Wh of a link
 MINUTES = 1.0  # of CPU time at most
 
 
@@ -162,7 +163,10 @@ def main() -> None:
         links, kind = LINKS[number // len(KINDS) % len(LINKS)], KINDS[number % len(KINDS)]
         folder = given.folder / f"{number:03d}"
         folder.mkdir(parents=True, exist_ok=True)
-        robot = robots.setdefault(links, load(load_spec("dragon4", links=links)))
+        if links not in robots:  # links carry their batteries
+            energy = f"plant.battery_energy={BATTERY * links:g}"
+            robots[links] = load(load_spec("dragon4", links=links, overrides=[energy]))
+        robot = robots[links]
         label = {"number": number, "links": links, "kind": kind}
         files = {k: folder / f"{k}.json" for k in ("search", "fly", "bare")}
         for part in [given.only] if given.only else files:

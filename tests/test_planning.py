@@ -391,3 +391,16 @@ def test_printed_bounds_are_never_above_what_is_proved() -> None:
 
     for value in np.random.default_rng(0).normal(size=1000) * 10.0 ** np.arange(-5, 5).repeat(100):
         assert value - 1.2e-5 * abs(value) <= rounded_down(float(value)) <= value
+
+
+def test_a_plan_beyond_the_battery_is_not_met(body: PlannedBody, path: Trajectory) -> None:
+    """Its energy is that of the hover thrusts, by the power model of flights."""
+    from snakegen.planning.hover_actuation import HELD, battery_share
+    from snakegen.simulation.recording.rotor_signals import power
+
+    robot = body.robot
+    share = battery_share(body, path)
+    even = power(robot, np.full((1, 8), body.weight / 8.0))[0]
+    watt_hours = float(robot.modules.plant["battery_energy"])
+    right = even * (path.times[-1] + 2.0 * HELD) / (3600.0 * watt_hours)
+    assert right <= share <= 1.15 * right  # unequal thrusts take more, by convexity

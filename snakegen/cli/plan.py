@@ -107,6 +107,7 @@ def plan(
         "search_s": round(motion.seconds, 2),
         "certificate": motion.certificate.to_json(),
         "tracking": motion.tracking.to_json(),
+        "battery_share": round(motion.battery, 4),
     }
     if as_json:
         print_json(result)
@@ -134,6 +135,8 @@ def _print(result: dict[str, Any], motion: Any) -> None:
             f"deviation over hardware) at {cover.time:.2f} s toward {cover.between[1]}: the "
             f"clearance there is {cover.sigmas:.3g} times that"
         )
+    if motion.battery > 0.0:
+        click.echo(f"  battery         {100 * motion.battery:.0f} % of its energy")
     if result["certified"]:
         click.echo(f"certified for hover along the path: {result['plan']}")
         click.echo(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from snakegen.base.geometry import Floats, skew
+from snakegen.control.power import battery_joules, power_factors
 from snakegen.planning.body import PlannedBody
 from snakegen.planning.mounts import STEEP
 from snakegen.planning.trajectory import Trajectory
@@ -18,7 +19,8 @@ from snakegen.robot.posture import turning_rates
 from snakegen.robot.robot import GRAVITY, Robot
 from snakegen.scene.schema import Demands
 
-SAMPLES = 6  # instants of each interval that are looked at
+HELD = 2.0  # s, of hover before and after a plan
+FEWEST, MOST, EVERY = 6, 60, 0.15  # instants of each interval that are looked at; s, between them
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +109,8 @@ def actuator_use(body: PlannedBody, path: Trajectory, demands: Demands) -> Float
         path: over time.
         demands: with `gimbal_rate` and `thrust_rate`.
     """
-    share = np.linspace(0.0, 1.0, SAMPLES + 1)
+    count = int(np.clip(np.ceil(np.diff(path.times).max() / EVERY), FEWEST, MOST))
+    share = np.linspace(0.0, 1.0, count + 1)
     times = (path.times[:-1, None] + share[:-1] * np.diff(path.times)[:, None]).ravel()
     times = np.append(times, path.times[-1])
     found = actuation(body, path.at(times), path.at(times, 2)[:, :3])
@@ -119,7 +122,25 @@ def actuator_use(body: PlannedBody, path: Trajectory, demands: Demands) -> Float
     limit = np.minimum(demands.gimbal_rate, 0.5 * servos)
     changed = np.abs(np.diff(found.thrust, axis=0)) / step[:, None] / demands.thrust_rate
     use = np.concatenate([(turned / limit).reshape(len(step), -1), changed], axis=1).max(axis=1)
-    return np.asarray(use.reshape(-1, SAMPLES).max(axis=1))
+    return np.asarray(use.reshape(-1, count).max(axis=1))
+
+
+def battery_share(body: PlannedBody, path: Trajectory) -> float:
+    """Returns the share of the battery's energy that hover along a path takes; 0 if it is endless.
+
+    With 2 s of hover before and after, as plans are flown. Rotors of an apparatus share its thrust.
+    """
+    robot = body.robot
+    energy = battery_joules(float(robot.modules.plant.get("battery_energy", 0.0)))
+    if not np.isfinite(energy):
+        return 0.0
+    times = np.linspace(0.0, path.times[-1], 60)
+    thrust = actuation(body, path.at(times)).thrust
+    owner = robot.rotors.apparatus
+    each = thrust[:, owner] / np.bincount(owner)[owner]
+    power = each**1.5 @ power_factors(robot)
+    held = 2.0 * HELD * 0.5 * (power[0] + power[-1])
+    return float((np.trapezoid(power, times) + held) / energy)
 
 
 def gimbal_rates(robot: Robot) -> Floats:

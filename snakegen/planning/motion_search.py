@@ -12,7 +12,7 @@ from snakegen.planning.body import PlannedBody
 from snakegen.planning.certificate import Certificate, certify
 from snakegen.planning.ends import check_end, ends_of
 from snakegen.planning.guide import guide, openings_on
-from snakegen.planning.hover_actuation import actuator_use
+from snakegen.planning.hover_actuation import actuator_use, battery_share
 from snakegen.planning.judgement import COARSE, FINE, MISS, Judgement, judge
 from snakegen.planning.no_way import no_way
 from snakegen.planning.plan_file import PlanFile
@@ -37,6 +37,7 @@ class Motion:
         path: over time.
         certificate: its proved bounds.
         tracking: what hardware leaves of its clearance.
+        battery: share of the battery's energy that it takes; 0 if that is endless.
         body: among the scene's solids.
         tried: seeds looked at.
         seconds: spent.
@@ -46,6 +47,7 @@ class Motion:
     path: Trajectory
     certificate: Certificate
     tracking: Cover
+    battery: float
     body: PlannedBody
     tried: int
     seconds: float
@@ -74,7 +76,15 @@ class Motion:
             ("clearance over its tracking error", self.tracking.sigmas, demands.tracking_sigmas,
              "standard deviations"),
         )  # fmt: skip
-        return [f"{n} {v:.4g} < {d:g} {u}" for n, v, d, u in pairs if not v >= d]
+        out = [f"{n} {v:.4g} < {d:g} {u}" for n, v, d, u in pairs if not v >= d]
+        if self.battery > demands.battery_share:
+            quicker = demands.joint_rate * self.battery / demands.battery_share
+            out.append(
+                f"its {self.path.times[-1]:.0f} s take {self.battery:.2f} of the battery, "
+                f"{demands.battery_share:g} may be taken (joint_rate {quicker:.2g} rad/s would do "
+                "where joints set the pace)"
+            )
+        return out
 
 
 def search(
@@ -133,11 +143,12 @@ def search(
     return best
 
 
-def certified(seed: Seed, demands: Demands) -> tuple[Trajectory, Certificate, Cover]:
-    """Returns a seed's motion over time, what is proved of it, and what hardware leaves of it."""
+def certified(seed: Seed, demands: Demands) -> tuple[Trajectory, Certificate, Cover, float]:
+    """Returns a seed's motion over time, what is proved of it, its tracking and its energy."""
     body = seed.chain.body
     path = in_time(body, smoothed(judge(seed, FINE, demands).poses), demands)
-    return path, certify(body, path, enough=enough(demands)), expected(body, path)
+    proved = certify(body, path, enough=enough(demands))
+    return path, proved, expected(body, path), battery_share(body, path)
 
 
 def in_time(body: PlannedBody, poses: Floats, demands: Demands) -> Trajectory:

@@ -16,7 +16,8 @@ TURN_ACCELERATION = 0.3  # rad/s²
 JOINT_ACCELERATION = 0.3  # rad/s²
 _RAMP = (4.0, 2.5, 1.8, 1.4, 1.2)  # longer intervals at the ends, where the body speeds up
 _SAMPLES = 12  # instants of each interval that are looked at
-_ROUNDS = 30
+_ROUNDS = 40
+_STEP = 1.3  # by which an interval changes in a round at most
 _SLOWER = 8  # rounds of lengthening for gimbals and thrusts
 
 
@@ -63,9 +64,8 @@ def paced(poses: Floats, rates: Rates) -> Floats:
 def timed(poses: Floats, rates: Rates, heading: float = 0.0, digits: int = 6) -> Trajectory:
     """Returns the trajectory through poses, as fast as limits of rate and acceleration allow.
 
-    Times come from differences first; then every interval whose spline is too fast, or bends too
-    sharply, is lengthened, with its neighbours, until none is. Poses and times are rounded, so that
-    what is written to a file is the same trajectory.
+    Times come from differences first, then `_refined`. Poses and times are rounded, so that what is
+    written to a file is the same trajectory.
     """
     poses = np.round(poses, digits)
     poses = poses[np.concatenate([[True], np.any(np.diff(poses, axis=0) != 0.0, axis=1)])]
@@ -91,29 +91,42 @@ def slowed(path: Trajectory, rates: Rates, use: Callable[[Trajectory], Floats]) 
             break
         more = np.maximum.reduce([more, *(np.roll(more, k) for k in (-1, 1))])
         spans = _even(np.diff(path.times) * np.minimum(1.05 * more, 3.0))
-        path = _refined(path.poses, spans, rates, path.heading)
+        path = _refined(path.poses, spans, rates, path.heading, shorter=False)
     return path
 
 
-def _refined(poses: Floats, spans: Floats, rates: Rates, heading: float) -> Trajectory:
-    """Returns the trajectory of intervals (m,) [s], those lengthened that are too fast or sharp."""
-    path = _of(poses, spans, heading)
+def _refined(
+    poses: Floats, spans: Floats, rates: Rates, heading: float, shorter: bool = True
+) -> Trajectory:
+    """Returns the quickest trajectory found whose rates and accelerations keep their limits.
+
+    Intervals take on the root of what they use of a limit, with their neighbours', round by round;
+    of each round what remains beyond a limit would slow the whole path down, and the quickest is
+    kept.
+
+    Args:
+        poses: (m, 6 + k).
+        spans: (m - 1,) s, where to begin.
+        rates: limits.
+        heading: of the poses.
+        shorter: whether intervals may become shorter, too.
+    """
+    best, least = spans, np.inf
+    bends = _bends(rates, len(rates.joints))
     for _ in range(_ROUNDS):
+        path = _of(poses, spans, heading)
         t = path.times[:-1, None] + np.linspace(0.0, 1.0, _SAMPLES) * np.diff(path.times)[:, None]
         fast = _use(path.at(t, 1), rates, 1.0).max(axis=1)
-        sharp = _use(path.at(t, 2), _bends(rates, len(rates.joints)), 1.0).max(axis=1)
-        more = np.maximum(1.0, np.maximum(fast, np.sqrt(sharp)))
-        if more.max() <= 1.0:
+        more = np.maximum(fast, np.sqrt(_use(path.at(t, 2), bends, 1.0).max(axis=1)))
+        worst = max(1.0, float(more.max()))
+        if worst * spans.sum() < least:
+            best, least = worst * spans, worst * float(spans.sum())
+        if worst == 1.0 and not shorter:
             break
         more = np.maximum.reduce([more, *(np.roll(more, k) for k in (-1, 1))])
-        spans = spans * np.minimum(1.03 * more, 1.6)
-        path = _of(poses, spans, heading)
-    else:
-        t = path.times[:-1, None] + np.linspace(0.0, 1.0, _SAMPLES) * np.diff(path.times)[:, None]
-        fast = _use(path.at(t, 1), rates, 1.0).max()
-        sharp = _use(path.at(t, 2), _bends(rates, len(rates.joints)), 1.0).max()
-        path = _of(poses, spans * max(1.0, fast, float(np.sqrt(sharp))) * 1.001, heading)
-    return path
+        change = np.clip(np.sqrt(more), 1.0 / _STEP if shorter else 1.0, _STEP)
+        spans = _even(spans * change)
+    return _of(poses, 1.001 * best, heading)
 
 
 def _of(poses: Floats, spans: Floats, heading: float) -> Trajectory:

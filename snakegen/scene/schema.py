@@ -57,6 +57,7 @@ class Demands:
         thrust_rate: N/s, of an apparatus' thrust at hover.
         cog_speed: m/s.
         cog_acceleration: m/s².
+        battery_share: of the battery's energy, that the motion may take.
         tracking_sigmas: standard deviations of the tracking error to expect of usual hardware that
             the clearance must cover at every instant looked at.
     """
@@ -69,6 +70,7 @@ class Demands:
     thrust_rate: float = 20.0
     cog_speed: float = 0.3
     cog_acceleration: float = 0.3
+    battery_share: float = 0.9
     tracking_sigmas: float = 2.0
 
 

@@ -9,6 +9,7 @@ from snakegen.base.geometry import Floats
 from snakegen.base.sample_store import in_pieces
 from snakegen.errors import MissionError
 from snakegen.planning.body import attitude
+from snakegen.planning.hover_actuation import HELD
 from snakegen.planning.plan_file import PlanFile, read_plan
 from snakegen.planning.trajectory import Trajectory
 from snakegen.robot.robot import Robot
@@ -16,7 +17,7 @@ from snakegen.simulation.flight.memory_check import refuse_too_long
 from snakegen.simulation.flight.plan import Plan, ticks
 from snakegen.simulation.flight.postures import driven_joints, place
 
-HOLD = 2.0  # s, of hover before and after the motion
+HOLD = HELD  # s, of hover before and after the motion
 SHARE = 0.5  # of the proved clearance that the flight must keep
 KIND = "plan"  # of the tracking bounds (`flight_bounds.TABLES`)
 
