@@ -6,7 +6,7 @@ import numpy as np
 from margin_robots import LENGTH
 from scipy.optimize import linprog, minimize
 
-from snakegen.analysis.wrench_margin import vectored_margins
+from snakegen.wrench_margins.vectored import apparatus_sets, set_margins
 
 F0 = 80.0
 SCALES = {"force_scale": F0, "torque_scale": F0 * LENGTH}
@@ -26,7 +26,8 @@ def random_body(rng, count, size=0.5, drag=0.05):
 
 
 def margins_of(b, **options):
-    return vectored_margins(b.points, b.limits, b.hover, drag=b.drag, **SCALES, **options)
+    sets = apparatus_sets(b.points, b.limits, b.drag)
+    return set_margins(sets, b.hover, **SCALES, **options)
 
 
 def wrench_of(b, force):

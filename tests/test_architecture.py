@@ -157,3 +157,21 @@ def test_kernels_know_arrays_only() -> None:
         for line, name in imports(path.read_text(encoding="utf-8")):
             inside = name.startswith("snakegen.")
             assert not inside or name.startswith("snakegen.kernels."), f"{path.name}:{line}: {name}"
+
+
+MOST, ALLOWED = 10, 5  # arguments of a function, and functions that take more
+
+
+def test_functions_take_few_arguments() -> None:
+    """Outside the command line; those of an analysis, counted here, are options there."""
+    long = []
+    for path in FILES:
+        if path.relative_to(PACKAGE).parts[0] == "cli":
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                given = node.args
+                names = [a.arg for a in given.posonlyargs + given.args + given.kwonlyargs]
+                if len(set(names) - {"self", "cls"}) > MOST:
+                    long.append(f"{path.relative_to(PACKAGE)}: {node.name}")
+    assert len(long) <= ALLOWED, long

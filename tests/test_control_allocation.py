@@ -24,8 +24,7 @@ def controller_of(robot, gains=None, mode=VIRTUAL, **options):
         tree,
         rotors,
         gimbals,
-        law_of(gains or Gains(), gimbals, LawOptions(**options)),
-        LENGTH,
+        law_of(gains or Gains(), gimbals, LawOptions(length=LENGTH, **options)),
         mode,
     )
 

@@ -8,6 +8,7 @@ from snakegen.control.controller import flight_controller
 from snakegen.control.frame import cog_frame
 from snakegen.kernels.allocation.compliance import twists, yielding_thrusts
 from snakegen.kernels.allocation.gimbals import joint_order
+from snakegen.kernels.allocation.types import RotorBounds
 from snakegen.kernels.allocation.underactuated import rotor_map, truncated
 from snakegen.kernels.control.types import Measured, Target
 from snakegen.kernels.dynamics.joint_loads import no_loads
@@ -168,7 +169,7 @@ def test_yielding_thrusts_make_the_wrench_with_the_gimbals_as_they_stand(dual, s
     rigid = truncated(rotor_map(m, rows, angles), tilt)
     thrust, stood, _ = yielding_thrusts(
         m, rows, angles, give, tilt, wanted, frame.scale[2:],
-        c.rotors.thrust_min, c.rotors.thrust_max, 1, no_loads(8),
+        RotorBounds(c.rotors.thrust_min, c.rotors.thrust_max, 1, no_loads(8)),
     )  # fmt: skip
     turn, _ = twists(m, rows, angles, give)
     np.testing.assert_allclose(stood, twisted(rows, angles, turn, thrust), atol=1e-12)

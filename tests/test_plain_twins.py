@@ -10,9 +10,16 @@ from snakegen.base.geometry import rotation_from_rpy
 from snakegen.control import dual_allocation, pose, vectored_allocation
 from snakegen.control.gains import Gains
 from snakegen.kernels.allocation import box_allocation as box_kernel
-from snakegen.kernels.allocation import dual_rotor, fully_actuated, mode_blending, underactuated
+from snakegen.kernels.allocation import (
+    confinement,
+    dual_rotor,
+    fully_actuated,
+    mode_blending,
+    underactuated,
+)
 from snakegen.kernels.allocation import gimbals as gimbal_kernel
 from snakegen.kernels.allocation import wrench_map as map_kernel
+from snakegen.kernels.allocation.types import Iteration, Limits, RotorBounds, Task
 from snakegen.kernels.control import pose_law
 from snakegen.kernels.dynamics import torque_terms as torque_kernel
 from snakegen.kernels.dynamics.joint_loads import no_loads
@@ -106,7 +113,7 @@ def test_allocation_maps_and_gimbals(robot: Robot) -> None:
         x = rng.normal(size=(count, 2))
         q = underactuated.rotor_map(m, rows, x)
         same(dual_allocation.rotor_map(m, rows, x), q)
-        allowed = fully_actuated.confinement(m, x)
+        allowed = confinement.confinement(m, x)
         same(vectored_allocation.confinement(m, x), allowed)
         points = fully_actuated.point_map(m, x, allowed)
         same(vectored_allocation.point_map(m, x, allowed), points)
@@ -131,7 +138,8 @@ def test_dual_rotor_laws() -> None:
         same(dual_allocation.truncated(q, tilt), four)
         same(dual_allocation.truncated_wrench(w, tilt), wanted)
         rows, most = rng.uniform(0.5, 2.0, 4), rng.uniform(1.0, 3.0, 8)
-        kernel = dual_rotor.allocate_dual(four, wanted, rows, 0.0 * most, most, 0, no_loads(8))
+        bounds = RotorBounds(0.0 * most, most, 0, no_loads(8))
+        kernel = dual_rotor.allocate_dual(four, wanted, rows, bounds)
         same(dual_allocation.allocate_dual(four, wanted, rows, most), kernel, 1e-7)
 
 
@@ -153,7 +161,7 @@ def test_vectored_allocation() -> None:
         )
         free = (no_loads(3 * n), np.zeros((2, n, 3)), np.ones(2))
         kernel = mode_blending.allocate_virtual(
-            m, limit, wrench, rows, last, low, high, *numbers, 0, *free
+            m, Task(wrench, rows), Limits(limit, low, high), last, Iteration(*numbers), 0, *free
         )
         same(plain[:3], kernel[:3], 1e-6)
         made = vectored_allocation.wrench_of(m, plain[0], plain[1])

@@ -16,6 +16,7 @@ from snakegen.kernels.allocation.box_allocation import box_within
 from snakegen.kernels.allocation.fully_actuated import forces_of
 from snakegen.kernels.allocation.gimbals import joint_order
 from snakegen.kernels.control.types import Measured, Target
+from snakegen.kernels.core.types import Body
 from snakegen.kernels.dynamics.joint_loads import JointLoads, force_loads
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.simulation.flight.postures import bent, place, resting_joints
@@ -73,8 +74,8 @@ def test_kernel_and_law_give_the_same_loads(robot, hover):
         ]
     )
     kernel = force_loads(
-        robot.tree, c.gimbals, frame.mounts, joint_order(frame.mounts, turns), rotation, position,
-        frame.cog, frame.axes, 9.81, c.law.joints, c.law.joint_limit,
+        robot.tree, c.gimbals, Body(rotation, position, frame.cog, frame.axes), frame.mounts,
+        joint_order(frame.mounts, turns), 9.81, c.law.joints, c.law.joint_limit,
     )  # fmt: skip
     law = joint_loads(robot, hover)
     np.testing.assert_allclose(kernel.rows, law.forces.reshape(6, -1), atol=1e-10)
@@ -301,9 +302,9 @@ def held_for(robot, controller, seconds):
         forces = forces_of(frame.mounts, thrust, joint_order(frame.mounts, command.gimbals))
         poses = forward(robot.tree, np.eye(3), still, robot.angles(angles))
         loads = force_loads(
-            robot.tree, controller.gimbals, frame.mounts,
-            joint_order(frame.mounts, command.gimbals), *poses, frame.cog, frame.axes, 9.81,
-            controller.law.joints, controller.law.joint_limit,
+            robot.tree, controller.gimbals, Body(*poses, frame.cog, frame.axes), frame.mounts,
+            joint_order(frame.mounts, command.gimbals), 9.81, controller.law.joints,
+            controller.law.joint_limit,
         )  # fmt: skip
         use = np.abs(loads.bias + loads.rows @ forces) / loads.limit
         return forces, use.max(), np.abs(frame.scale * (command.given - command.wanted)).max()

@@ -74,11 +74,8 @@ class Scene:
     def damp(self, rates, blend):
         c = self.controller
         return damped(
-            c.tree,
-            c.rotors,
-            c.gimbals,
+            c.mechanism,
             c.law,
-            c.length,
             self.damper,
             self.measured,
             rates,

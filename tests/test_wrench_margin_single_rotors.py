@@ -21,6 +21,7 @@ from snakegen.statics.support import hold_up
 from snakegen.sweep.batch import NUMBERS, Body
 from snakegen.sweep.worker import work
 from snakegen.wrench_margins.inputs import force_map
+from snakegen.wrench_margins.vectored import apparatus_sets, set_margins
 
 
 @pytest.fixture(scope="module")
@@ -78,17 +79,17 @@ def test_a_flight_counts_the_drag(single):
     """Along a run, and of what a lost apparatus leaves: the margins of plain arrays."""
     robot, q = single
     a, controller = allocation(robot, q), flight_controller(robot, mode="virtual_single_rotor")
-    given = a.thrust_points, robot.gimbals.limit, a.hover_wrench
-    scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale, "drag": a.drag}
+    scale = {"force_scale": robot.force_scale, "torque_scale": robot.torque_scale}
     plan = SimpleNamespace(time=np.zeros(1), mode=None, failures=())
     base, origin = robot.base_pose(q)
     states = base[None], origin[None], robot.angles(q)[None]
     found = margins_along(robot, controller, plan, [0], states)
-    m = vectored_margins(*given, tolerance=1e-2, wrench_starts=0, **scale)
-    assert found["force_margin"][0] == pytest.approx(m.force_bounds[0], rel=1e-9)
-    assert found["torque_margin"][0] == pytest.approx(m.torque_bounds[0], rel=1e-9)
+    sets = apparatus_sets(a.thrust_points[None], robot.gimbals.limit, a.drag)
+    m = set_margins(sets, a.hover_wrench, tolerance=1e-2, **scale)  # a batch, as a run is
+    assert found["force_margin"][0] == pytest.approx(m.force_bounds[0, 0], rel=1e-9)
+    assert found["torque_margin"][0] == pytest.approx(m.torque_bounds[0, 0], rel=1e-9)
     left = np.where(np.arange(4) == 1, 0.0, robot.gimbals.limit)
-    expected = vectored_margins(a.thrust_points, left, a.hover_wrench, **scale).wrench
+    expected = vectored_margins(a.thrust_points, left, a.hover_wrench, drag=a.drag, **scale).wrench
     assert margin_without(robot, q, (1,)) == pytest.approx(expected, rel=1e-9)
 
 
@@ -98,14 +99,11 @@ def test_a_sweep_counts_the_drag(single):
     row = dict(zip(NUMBERS, work(body.task, np.array([[1.0, 0.8]]))[0], strict=True))
     q = hover_gimbals(robot, robot.configuration({"joint1_yaw": 1.0, "joint2_yaw": 0.8}))
     a = allocation(robot, q)
-    m = vectored_margins(
-        a.thrust_points,
-        robot.gimbals.limit,
+    m = set_margins(
+        apparatus_sets(a.thrust_points[None], robot.gimbals.limit, a.drag),
         a.hover_wrench,
         force_scale=robot.force_scale,
         torque_scale=robot.torque_scale,
-        drag=a.drag,
-        wrench_starts=0,
     )
-    assert row["force_margin"] == pytest.approx(m.force_bounds[0], rel=1e-6)
-    assert row["torque_margin"] == pytest.approx(m.torque_bounds[0], rel=1e-6)
+    assert row["force_margin"] == pytest.approx(m.force_bounds[0, 0], rel=1e-6)
+    assert row["torque_margin"] == pytest.approx(m.torque_bounds[0, 0], rel=1e-6)

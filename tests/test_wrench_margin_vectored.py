@@ -8,16 +8,16 @@ from scipy.spatial.transform import Rotation
 
 from snakegen.analysis.wrench_margin import vectored_margins
 from snakegen.errors import SnakegenError
+from snakegen.wrench_margins.vectored import apparatus_sets, set_margins
 
 LIMIT = 64.0
 
 
-def margins_of(points, limits=LIMIT, attitude=None, **options):
+def margins_of(points, limits=LIMIT, attitude=None, drag=0.0, **options):
     weight = MASS * 9.81 * np.shape(points)[-2]
     up = np.array([0, 0, 1.0]) if attitude is None else attitude
-    return vectored_margins(
-        points,
-        limits,
+    return set_margins(
+        apparatus_sets(points, limits, drag),
         np.r_[weight * up, 0, 0, 0],
         force_scale=weight,
         torque_scale=weight * LENGTH,

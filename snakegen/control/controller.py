@@ -15,7 +15,7 @@ from snakegen.control.servos import gimbal_give, gimbal_limits, joint_limits
 from snakegen.errors import SnakegenError, SpecError, near
 from snakegen.kernels.control.control_tick import control_tick
 from snakegen.kernels.control.types import DUAL, VIRTUAL, Command, Law, Measured, State, Target
-from snakegen.kernels.core.types import Gimbals, Rotors, Tree
+from snakegen.kernels.core.types import Gimbals, Mechanism, Rotors, Tree
 from snakegen.robot.robot import GRAVITY, Robot
 
 MODES = {"virtual_single_rotor": VIRTUAL, "dual_rotor": DUAL}
@@ -33,7 +33,6 @@ class Controller:
     Attributes:
         tree, rotors, gimbals: the robot.
         law: gains and limits as the kernels take them.
-        length: m, lever of the torque scale.
         mode: VIRTUAL or DUAL, the mode it starts in.
     """
 
@@ -41,8 +40,12 @@ class Controller:
     rotors: Rotors
     gimbals: Gimbals
     law: Law
-    length: float
     mode: int = VIRTUAL
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The robot as the kernels take it."""
+        return Mechanism(self.tree, self.rotors, self.gimbals)
 
     @property
     def apparatuses(self) -> int:
@@ -93,11 +96,8 @@ class Controller:
             force_dt: s of position error to integrate; `dt` unless the position loop is slower.
         """
         state, command = control_tick(
-            self.tree,
-            self.rotors,
-            self.gimbals,
+            self.mechanism,
             self.law,
-            self.length,
             self.mode if mode is None else mode,
             measured,
             target,
@@ -142,6 +142,7 @@ class LawOptions:
         sweeps, newton, residual: of the solvers.
         blend_time: s, of a change of mode.
         gravity: m/s².
+        length: m, lever by which torques are scaled.
         joints, joint_limit: bodies whose servo torque is limited, and to what [N m].
         internal_time: s, time constants of the internal forces' low-pass.
         rate_filter: Hz, of measured rates; 0: none.
@@ -160,6 +161,7 @@ class LawOptions:
     residual: float = 1e-6
     blend_time: float = 1.0
     gravity: float = GRAVITY
+    length: float = 1.0
     joints: Any = ()
     joint_limit: Any = ()
     internal_time: Sequence[float] = INTERNAL_TIME
@@ -191,6 +193,7 @@ def law_of(gains: Gains, gimbals: Gimbals, options: LawOptions | None = None) ->
         float(o.residual),
         float(o.blend_time),
         float(o.gravity),
+        float(o.length),
         np.array(o.joints, np.int64),
         np.array(o.joint_limit, float),
         np.array(o.internal_time, float),
@@ -275,13 +278,14 @@ def flight_controller(
         axes_body=body,
         axes_rotation=turn,
         constrained=allocator == "constrained",
+        length=robot.link_length,
         joints=bodies,
         joint_limit=torque,
         **options,
     )
     law = law_of(gain_set(robot, gains), robot.gimbals, chosen)
     arrays = (robot.tree, robot.rotors, robot.gimbals)
-    return Controller(*arrays, law, robot.link_length, MODES[mode])
+    return Controller(*arrays, law, MODES[mode])
 
 
 def _among(value: str, known: Sequence[str], what: str) -> None:

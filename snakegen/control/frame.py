@@ -48,5 +48,5 @@ def cog_frame(
     axes = bodies[law.axes_body] @ law.axes_rotation
     geometry, rows = mounts(c.tree, c.rotors, c.gimbals, bodies, places, cog, axes)
     weight = np.concatenate([mass * law.gravity * axes[2], np.zeros(3)])
-    scale = np.repeat([1.0, 1.0 / c.length], 3) / (mass * law.gravity)  # S: THEORY A3
+    scale = np.repeat([1.0, 1.0 / law.length], 3) / (mass * law.gravity)  # S: THEORY A3
     return CogFrame(mass, cog, axes, axes.T @ inertia @ axes, geometry, rows, scale, weight)

@@ -10,6 +10,7 @@ from snakegen.control.frame import CogFrame
 from snakegen.control.gains import Floats
 from snakegen.control.vectored_allocation import least_answer, wrench_of
 from snakegen.kernels.allocation.mode_blending import allocate_virtual
+from snakegen.kernels.allocation.types import Iteration, Limits, Task
 from snakegen.kernels.dynamics.joint_loads import no_loads
 from snakegen.robot.gimbal_geometry import joint_order
 
@@ -62,8 +63,9 @@ def allocate(
     past = np.any(thrust > limit) or np.any(angles < low) or np.any(angles > high)
     if law.constrained and (past or size > law.residual):
         rest = (no_loads(3 * n), np.zeros((2, n, 3)), np.ones(2))
+        task, limits = Task(wanted, frame.scale), Limits(limit, low, high)
         thrust, angles, sigma, steps, size, _, _ = allocate_virtual(
-            m, limit, wanted, frame.scale, start, low, high, *steps_of, law.constrained, *rest
+            m, task, limits, start, Iteration(*steps_of), law.constrained, *rest
         )
     if sigma < law.sigma_min and not force:
         raise ControlRefused(

@@ -21,6 +21,7 @@ from snakegen.control.gains import Floats
 from snakegen.control.lost_motion import frame_loss
 from snakegen.kernels.allocation.compliance import yielding_thrusts
 from snakegen.kernels.allocation.mode_blending import DUAL_SIGMA_MIN
+from snakegen.kernels.allocation.types import RotorBounds
 from snakegen.kernels.dynamics.joint_loads import no_loads
 from snakegen.robot.gimbal_geometry import joint_order
 
@@ -100,18 +101,9 @@ def allocate(
     least, most = rotors.thrust_min, rotors.thrust_max
     if law.constrained:
         angles, give = joint_order(m, turns), joint_order(m, law.gimbal_give)
+        bounds = RotorBounds(least, most, law.constrained, no_loads(q.shape[1]))
         thrust, stands, sigma = yielding_thrusts(
-            m,
-            frame.rotors,
-            angles,
-            give,
-            tilt,
-            wanted,
-            frame.scale[2:],
-            least,
-            most,
-            law.constrained,
-            no_loads(q.shape[1]),
+            m, frame.rotors, angles, give, tilt, wanted, frame.scale[2:], bounds
         )
         full = rotor_map(m, frame.rotors, stands)
         q = truncated(full, tilt)

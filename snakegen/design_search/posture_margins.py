@@ -6,9 +6,9 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.design_search.body_arrays import BodyArrays
-from snakegen.kernels.core.types import Ints
+from snakegen.kernels.core.types import Ints, Mechanism
 from snakegen.kernels.margins import one_slice, saddle_point
-from snakegen.kernels.margins.posture_batch import hover_postures
+from snakegen.kernels.margins.posture_batch import PlacedPostures, hover_postures
 from snakegen.robot.robot import GRAVITY
 from snakegen.wrench_margins.gradients import UNIT
 from snakegen.wrench_margins.vectored import set_margins
@@ -64,11 +64,12 @@ def place_design(arrays: BodyArrays, samples: Floats, indices: Ints) -> PlacedDe
     m, n, rotors = len(samples), arrays.gimbals.limit.size, arrays.rotors.body.size
     points, frames = np.empty((m, n, 3)), np.empty((m, n, 3, 3))
     dual, hover = np.empty((m, 6, rotors)), np.empty((m, 6))
+    spine, discs = np.empty((m, 0, 2, 3)), np.empty((m, rotors, 3))
     hover_postures(
-        arrays.tree, arrays.rotors, arrays.gimbals, arrays.low, arrays.high, np.eye(3), indices,
-        np.ascontiguousarray(samples), GRAVITY, dual, points, frames, hover,
-        np.empty((m, 0, 2, 3)), np.empty((m, rotors, 3)), np.empty(0, np.int64),
-        np.empty((0, 2, 3)),
+        Mechanism(arrays.tree, arrays.rotors, arrays.gimbals), (arrays.low, arrays.high),
+        np.eye(3), indices, np.ascontiguousarray(samples), GRAVITY,
+        (np.empty(0, np.int64), np.empty((0, 2, 3))),
+        PlacedPostures(dual, points, frames, hover, spine, discs),
     )  # fmt: skip
     return PlacedDesign(arrays, points, frames, hover)
 

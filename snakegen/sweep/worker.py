@@ -11,8 +11,8 @@ import numpy as np
 from snakegen import __version__
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError
-from snakegen.kernels.core.types import Gimbals, Ints, Rotors, Tree
-from snakegen.kernels.margins.posture_batch import hover_postures, self_distances
+from snakegen.kernels.core.types import Gimbals, Ints, Mechanism, Rotors, Tree
+from snakegen.kernels.margins.posture_batch import PlacedPostures, hover_postures, self_distances
 from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.thrust import thrust_margins
 from snakegen.wrench_margins.vectored import set_margins
@@ -104,8 +104,9 @@ def _chunk(task: Task, samples: Floats, out: Floats) -> None:
     points, discs = np.empty((m, limit.size, 3)), np.empty((m, rotors.body.size, 3))
     spine, distance = np.empty((m, len(task.rods), 2, 3)), np.empty(m)
     hover_postures(
-        task.tree, rotors, task.gimbals, task.low, task.high, task.base, indices,
-        samples, task.gravity, dual, points, frames, hover, spine, discs, task.bodies, task.ends,
+        Mechanism(task.tree, rotors, task.gimbals), (task.low, task.high), task.base, indices,
+        samples, task.gravity, (task.bodies, task.ends),
+        PlacedPostures(dual, points, frames, hover, spine, discs),
     )  # fmt: skip
     self_distances(spine, discs, task.rods, task.radii, task.owners, distance)
     exact = thrust_margins(

@@ -17,7 +17,7 @@ from snakegen.wrench_margins import inputs
 from snakegen.wrench_margins.inner_ball import inner_ball, inner_ball_of
 from snakegen.wrench_margins.plain.ball_support import minimise
 from snakegen.wrench_margins.rays import Bounds
-from snakegen.wrench_margins.vectored import vectored_margins
+from snakegen.wrench_margins.vectored import apparatus_sets, set_margins
 
 Floats = NDArray[np.float64]
 Solve = Callable[[Floats, slice], tuple[float, Floats]]
@@ -200,14 +200,12 @@ def vectored_joint_limited(
         upper = strength @ reach - cost @ x - e @ problem.hover[part]
         return float(upper), f[: len(p)].ravel() * scale[0]
 
-    free = vectored_margins(
-        p,
-        limit,
+    free = set_margins(
+        apparatus_sets(p, limit, drag),
         hover,
         force_scale=force_scale,
         torque_scale=torque_scale,
         tolerance=tolerance,
-        drag=drag,
         wrench_starts=0,
     )
     known = float(free.force), float(free.torque)

@@ -38,7 +38,6 @@ def vectored_margins(
     minimum: ArrayLike = 0.0,
     gimbal_limits: ArrayLike | None = None,
     rotations: ArrayLike | None = None,
-    wrench_starts: int | None = None,
 ) -> VectoredMargins:
     """Returns certified margins of apparatuses that push within their gimbal and thrust limits.
 
@@ -46,7 +45,7 @@ def vectored_margins(
         points: p, (n, 3), or (m, n, 3) for a batch: points of application from the CoG, m, at
             the posture's gimbal angles.
         limits: L, N, largest force of each apparatus, one number or (n,).
-        hover_wrench, force_scale, torque_scale, tolerance, wrench_starts: as `set_margins`.
+        hover_wrench, force_scale, torque_scale, tolerance: as `set_margins`.
         drag: c, m, one number or (n,): torque on the body along each force per newton, -κ s for a
             single rotor, the mean of its rotors' for an apparatus; 0 for a counter-rotating pair.
         minimum: least force of each apparatus, N, one number or (n,); negative: reversible.
@@ -59,6 +58,24 @@ def vectored_margins(
 
     Source: THEORY A2 (drag), A4; ZN23 eqs 34–36.
     """
+    return set_margins(
+        apparatus_sets(points, limits, drag, minimum, gimbal_limits, rotations),
+        hover_wrench,
+        force_scale=force_scale,
+        torque_scale=torque_scale,
+        tolerance=tolerance,
+    )
+
+
+def apparatus_sets(
+    points: ArrayLike,
+    limits: ArrayLike,
+    drag: ArrayLike = 0.0,
+    minimum: ArrayLike = 0.0,
+    gimbal_limits: ArrayLike | None = None,
+    rotations: ArrayLike | None = None,
+) -> ForceSets:
+    """Returns the force sets of apparatuses; arguments and errors as of `vectored_margins`."""
     p = inputs.array("points", points, (None, 3), (None, None, 3))
     n = p.shape[-2]
     limit = inputs.per_unit("limits", limits, n)
@@ -72,14 +89,7 @@ def vectored_margins(
         raise AnalysisError("gimbal_limits must not be negative: largest |φ| and |θ|, rad.")
     turn = np.broadcast_to(np.eye(3), (n, 3, 3)) if rotations is None else rotations
     phi, theta = (np.stack([-angles[:, k], angles[:, k]], axis=1) for k in range(2))
-    return set_margins(
-        ForceSets.checked(p, turn, low, limit, phi, theta, drag),
-        hover_wrench,
-        force_scale=force_scale,
-        torque_scale=torque_scale,
-        tolerance=tolerance,
-        wrench_starts=wrench_starts,
-    )
+    return ForceSets.checked(p, turn, low, limit, phi, theta, drag)
 
 
 @plain_first(vectored.batch, calls=FEW)

@@ -10,13 +10,13 @@ import numpy as np
 
 from snakegen.kernels.allocation.dual_rotor import dual_answer
 from snakegen.kernels.allocation.gimbals import swing_into, turned_into
+from snakegen.kernels.allocation.types import RotorBounds
 from snakegen.kernels.allocation.underactuated import rotor_map_into, truncated_into
 from snakegen.kernels.core.jit import jit
 from snakegen.kernels.core.mat3 import cross_into, dot, turn_into
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.stack_arrays import scratch
 from snakegen.kernels.core.types import Floats
-from snakegen.kernels.dynamics.joint_loads import JointLoads
 
 ROUNDS = 4  # of allocation; the map changes by some per cent, so each round gains two digits
 MOVED = 1e-3  # share of a thrust limit that ends the rounds
@@ -46,7 +46,7 @@ def twists_into(
         for k in range(3):
             p[k] += elbow[k]
         for kind in range(2):
-            swing_into(m, j, kind, once, elbow, u, p, axis, arm, du, dp)
+            swing_into(m, j, kind, (once, elbow), u, p, axis, arm, du, dp)
             cross_into(arm, u, a)
             turn[r, kind] = give[j, kind] * (dot(axis, a) + ratio * dot(axis, u))
             cross_into(dp, u, a)
@@ -102,10 +102,7 @@ def yielding_answer(
     tilt: Floats,
     wanted: Floats,
     rows: Floats,
-    thrust_min: Floats,
-    thrust_max: Floats,
-    constrained: int,
-    loads: JointLoads,
+    bounds: RotorBounds,
     thrust: Floats,
     stands: Floats,
 ) -> float:
@@ -118,9 +115,7 @@ def yielding_answer(
         tilt: (3, 3) of the target, see `truncated_into`.
         wanted: (4,) ``[f_z; τ]``.
         rows: (4,) their scale.
-        thrust_min, thrust_max: (n,) N.
-        constrained: as of `dual_answer`.
-        loads: bounds of the joints on the thrusts.
+        bounds: of thrusts and joints.
         thrust: (n,) N.
         stands: (Ñ, 2) rad, joint order, where the gimbals will stand.
     """
@@ -130,7 +125,7 @@ def yielding_answer(
     drawn, before = scratch((n, 2)), scratch(n)
     rotor_map_into(m, rotor, angles, full)
     truncated_into(full, tilt, q)
-    sigma = dual_answer(q, wanted, rows, thrust_min, thrust_max, constrained, loads, thrust)
+    sigma = dual_answer(q, wanted, rows, bounds, thrust)
     twists_into(m, rotor, angles, give, turn, slope)
     for _ in range(ROUNDS):
         twisted_into(rotor, angles, turn, thrust, stands)
@@ -145,10 +140,10 @@ def yielding_answer(
                 goal[k] += (bent[k, r] - q[k, r]) * thrust[r]
         for r in range(n):
             before[r] = thrust[r]
-        dual_answer(bent, goal, rows, thrust_min, thrust_max, constrained, loads, thrust)
+        dual_answer(bent, goal, rows, bounds, thrust)
         moved = 0.0
         for r in range(n):
-            moved = max(moved, abs(thrust[r] - before[r]) / max(thrust_max[r], 1e-9))
+            moved = max(moved, abs(thrust[r] - before[r]) / max(bounds.most[r], 1e-9))
         if moved < MOVED:
             break
     twisted_into(rotor, angles, turn, thrust, stands)
@@ -164,26 +159,9 @@ def yielding_thrusts(
     tilt: Floats,
     wanted: Floats,
     rows: Floats,
-    thrust_min: Floats,
-    thrust_max: Floats,
-    constrained: int,
-    loads: JointLoads,
+    bounds: RotorBounds,
 ) -> tuple[Floats, Floats, float]:
     """Returns thrusts (n,), angles (Ñ, 2) and σ_min of `yielding_answer`."""
     thrust, stands = np.empty(rotor.shape[0]), np.empty(angles.shape)
-    sigma = yielding_answer(
-        m,
-        rotor,
-        angles,
-        give,
-        tilt,
-        wanted,
-        rows,
-        thrust_min,
-        thrust_max,
-        constrained,
-        loads,
-        thrust,
-        stands,
-    )
+    sigma = yielding_answer(m, rotor, angles, give, tilt, wanted, rows, bounds, thrust, stands)
     return thrust, stands, sigma

@@ -1,7 +1,8 @@
 """The printed allocator's answer brought within limits, internal forces eased in (eqs 29-47)."""
 
 from snakegen.kernels.allocation.ball_allocation import least_forces_into
-from snakegen.kernels.allocation.fully_actuated import confinement_into, forces_into, wrench_into
+from snakegen.kernels.allocation.confinement import confinement_into
+from snakegen.kernels.allocation.fully_actuated import forces_into, wrench_into
 from snakegen.kernels.allocation.gimbal_limits import (
     CALMLY,
     LEAST,
@@ -9,36 +10,29 @@ from snakegen.kernels.allocation.gimbal_limits import (
     bounded_forces,
     turning_map_into,
 )
-from snakegen.kernels.control.types import Body, Law
+from snakegen.kernels.allocation.types import Limits, Previous, Task, VirtualAnswer
+from snakegen.kernels.control.types import Law
 from snakegen.kernels.core.mat3 import turn_back_into, turn_into
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.stack_arrays import scratch
-from snakegen.kernels.core.types import Floats, Gimbals, Tree
+from snakegen.kernels.core.types import Body, Floats, Mechanism
 from snakegen.kernels.dynamics.joint_loads import JointLoads, force_loads_into, overloaded
 
 LIMIT_SLACK = 1e-9  # N and rad, by which an answer may pass a limit unnoticed
-ROUNDS = 20  # of bounded allocation and aiming
 
 
 @bare(no_cpython_wrapper=True)
 def bounded_answer(
     m: Floats,
-    limit: Floats,
-    wrench: Floats,
-    rows: Floats,
-    last: Floats,
-    before: Floats,
-    lower: Floats,
-    upper: Floats,
+    task: Task,
+    limits: Limits,
+    last: Previous,
     beyond: bool,
     loads: JointLoads,
     share: Floats,
-    thrust: Floats,
-    angles: Floats,
-    internal: Floats,
-    reached: Floats,
+    answer: VirtualAnswer,
 ) -> None:
-    """Holds an answer of `least_answer` within limits, and writes the wrench (6,) within reach.
+    """Holds an answer of `least_answer` within limits, and writes the wrench (6,) within limits.
 
     The constrained allocator takes over where the printed one passes a limit; elsewhere both give
     the least-norm answer. Angles are in joint order; `loads` bounds forces in CoG axes.
@@ -49,15 +43,15 @@ def bounded_answer(
     nothing to the wrench, is eased in, and the pseudo-inverse meets the wrench beside them.
 
     Args:
-        last, before: (Ñ, 2) rad and (Ñ,) N, gimbals and thrusts of the tick before; 0 for none.
-        beyond: of the answer on entry.
+        m: (Ñ, 10, 3) from `mounts`.
+        task, limits, last: as `bounded_forces`.
+        beyond: whether the answer on entry passes a limit.
+        loads: bounds of the joints.
         share: (2,) of the way to the internal forces wanted now; 1 goes there at once.
-        thrust, angles: (Ñ,) and (Ñ, 2), the answer.
-        internal: (2, Ñ, 3) N, link axes, those forces: for the joints' limits, then for thrusts'
-            and gimbals' too; of the tick before on entry, NaN for none as yet.
-        reached: (6,)
+        answer: thrust and angles to bound; its internal forces, for the joints' limits, then for
+            thrusts' and gimbals' too, are of the tick before on entry, NaN for none as yet.
     """
-    n = limit.shape[0]
+    n, thrust, angles = limits.thrust.shape[0], answer.thrust, answer.angles
     goal, forces = scratch(3 * n), scratch(3 * n)
     for c in range(3 * n):
         goal[c] = 0.0
@@ -65,28 +59,19 @@ def bounded_answer(
     wanted = beyond or overloaded(loads, forces)
     for near in range(CALMLY + 1):  # one call of what is long to compile
         if near != LEAST:
-            apart = ease(m, goal, share[near - NEAR], internal[near - NEAR], forces)
+            apart = ease(m, goal, share[near - NEAR], answer.internal[near - NEAR], forces)
             wanted = apart > LIMIT_SLACK
         if wanted:
-            bounded_forces(
-                m, wrench, rows, limit, lower, upper, last, before, ROUNDS, loads, forces, near,
-                thrust, angles,
-            )  # fmt: skip
+            bounded_forces(m, task, limits, last, loads, forces, near, thrust, angles)
             if near != CALMLY:
-                apart_from_least_into(m, wrench, rows, limit, thrust, angles, goal)
+                apart_from_least_into(m, task, limits.thrust, thrust, angles, goal)
         if near == NEAR:
-            wrench_into(m, thrust, angles, reached)
+            wrench_into(m, thrust, angles, answer.reached)
 
 
 @bare
 def apart_from_least_into(
-    m: Floats,
-    wrench: Floats,
-    rows: Floats,
-    limit: Floats,
-    thrust: Floats,
-    angles: Floats,
-    out: Floats,
+    m: Floats, task: Task, limit: Floats, thrust: Floats, angles: Floats, out: Floats
 ) -> None:
     """Writes what an answer's forces (3Ñ,), CoG axes, have beyond the pseudo-inverse's."""
     n = limit.shape[0]
@@ -94,7 +79,7 @@ def apart_from_least_into(
     confinement_into(m, angles, allowed)
     forces_into(m, thrust, angles, out)
     turning_map_into(m, angles, out, allowed, q)
-    least_forces_into(q, wrench, rows, limit, least)
+    least_forces_into(q, task.wrench, task.rows, limit, least)
     for c in range(3 * n):
         out[c] -= least[c]
 
@@ -126,63 +111,26 @@ def ease(m: Floats, goal: Floats, share: float, now: Floats, out: Floats) -> flo
 
 @bare(no_cpython_wrapper=True)
 def keep_limits(
-    tree: Tree,
-    gimbals: Gimbals,
+    mechanism: Mechanism,
     law: Law,
     body: Body,
     m: Floats,
-    wrench: Floats,
-    rows: Floats,
-    last: Floats,
-    before: Floats,
-    lower: Floats,
-    upper: Floats,
+    task: Task,
+    limits: Limits,
+    last: Previous,
     beyond: bool,
     dt: float,
-    pushes: Floats,
-    angles: Floats,
-    internal: Floats,
-    strain: Floats,
-    reached: Floats,
+    answer: VirtualAnswer,
 ) -> None:
-    """Brings an answer of `least_answer` within limits, joints' too: see `bounded_answer`.
-
-    Besides, `strain` (k,) N m is what loads the joints beyond thrust and weight.
-    """
+    """Brings an answer of `least_answer` within limits, joints' too: see `bounded_answer`."""
     k, share = law.joints.shape[0], scratch(2)
-    held_up = JointLoads(scratch((k, 3 * m.shape[0])), scratch(k), law.joint_limit)
+    loads = JointLoads(scratch((k, 3 * m.shape[0])), scratch(k), law.joint_limit)
     force_loads_into(
-        tree,
-        gimbals,
-        m,
-        last,
-        body.rotation,
-        body.position,
-        body.cog,
-        body.axes,
-        law.gravity,
-        law.joints,
-        held_up.rows,
-        held_up.bias,
-    )
+        mechanism.tree, mechanism.gimbals, body, m, last.angles, law.gravity, law.joints,
+        loads.rows, loads.bias,
+    )  # fmt: skip
     for i in range(k):
-        held_up.bias[i] += strain[i]
+        loads.bias[i] += last.external[i]
     for i in range(2):
         share[i] = dt / (dt + law.internal_time[i])
-    bounded_answer(
-        m,
-        gimbals.limit,
-        wrench,
-        rows,
-        last,
-        before,
-        lower,
-        upper,
-        beyond,
-        held_up,
-        share,
-        pushes,
-        angles,
-        internal,
-        reached,
-    )
+    bounded_answer(m, task, limits, last, beyond, loads, share, answer)

@@ -4,11 +4,12 @@ import numpy as np
 
 from snakegen.kernels.allocation.box_allocation import box_within_into
 from snakegen.kernels.allocation.constrained_allocation import LIMIT_SLACK
+from snakegen.kernels.allocation.types import RotorBounds
 from snakegen.kernels.core.cholesky import least_norm_into, least_singular_value
 from snakegen.kernels.core.jit import jit
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.types import Floats
-from snakegen.kernels.dynamics.joint_loads import JointLoads, overloaded
+from snakegen.kernels.dynamics.joint_loads import overloaded
 
 
 @bare
@@ -19,14 +20,7 @@ def outside(x: float, lower: float, upper: float) -> bool:
 
 @bare
 def dual_answer(
-    q: Floats,
-    wanted: Floats,
-    rows: Floats,
-    thrust_min: Floats,
-    thrust_max: Floats,
-    constrained: int,
-    loads: JointLoads,
-    thrust: Floats,
+    q: Floats, wanted: Floats, rows: Floats, bounds: RotorBounds, thrust: Floats
 ) -> float:
     """Writes rotor thrusts (n,) and returns the scaled σ_min(Q_trunc): eqs 20-22.
 
@@ -36,31 +30,23 @@ def dual_answer(
         q: (4, n) truncated map at the gimbal angles in use.
         wanted: (4,) ``[f_z; τ]``.
         rows: (4,) their scale.
-        thrust_min, thrust_max: (n,) N.
-        constrained: 1 keeps the thrusts within limits.
-        loads: bounds of the joints on the thrusts, kept likewise.
+        bounds: of thrusts and joints.
         thrust: (n,) N.
     """
-    beyond = False
-    least_norm_into(q, thrust_max, wanted, thrust)
+    beyond, least, most = False, bounds.least, bounds.most
+    least_norm_into(q, most, wanted, thrust)
     for r in range(thrust.shape[0]):
-        beyond |= outside(thrust[r], thrust_min[r], thrust_max[r])
-    if constrained and (beyond or overloaded(loads, thrust)):
-        box_within_into(q, wanted, rows, thrust_max, thrust_min, thrust_max, loads, thrust)
-    return least_singular_value(q, rows, thrust_max)
+        beyond |= outside(thrust[r], least[r], most[r])
+    if bounds.constrained and (beyond or overloaded(bounds.loads, thrust)):
+        box_within_into(q, wanted, rows, most, least, most, bounds.loads, thrust)
+    return least_singular_value(q, rows, most)
 
 
 @jit
 def allocate_dual(
-    q: Floats,
-    wanted: Floats,
-    rows: Floats,
-    thrust_min: Floats,
-    thrust_max: Floats,
-    constrained: int,
-    loads: JointLoads,
+    q: Floats, wanted: Floats, rows: Floats, bounds: RotorBounds
 ) -> tuple[Floats, float]:
     """Returns rotor thrusts (n,) and the scaled σ_min(Q_trunc) of `dual_answer`."""
     thrust = np.empty(q.shape[1])
-    sigma = dual_answer(q, wanted, rows, thrust_min, thrust_max, constrained, loads, thrust)
+    sigma = dual_answer(q, wanted, rows, bounds, thrust)
     return thrust, sigma

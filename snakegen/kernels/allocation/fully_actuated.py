@@ -8,12 +8,11 @@ from math import sqrt
 
 import numpy as np
 
+from snakegen.kernels.allocation.confinement import confinement_into
 from snakegen.kernels.allocation.gimbals import (
     AXIS,
     EXTRA,
-    FIRST,
     POINT,
-    SECOND,
     point_thrust,
     swing_into,
     thrust_line,
@@ -21,60 +20,12 @@ from snakegen.kernels.allocation.gimbals import (
 )
 from snakegen.kernels.core.cholesky import least_norm_into
 from snakegen.kernels.core.jit import jit
-from snakegen.kernels.core.mat3 import cross_into, dot, turn_into
+from snakegen.kernels.core.mat3 import cross_into, turn_into
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.stack_arrays import scratch
 from snakegen.kernels.core.types import Floats
 
 AT_REST = 1e-4  # rad, below which Newton finishes faster than another sweep
-
-
-@bare
-def confinement_into(m: Floats, angles: Floats, out: Floats) -> None:
-    """Writes projectors (Ñ, 3, 3), CoG axes, onto the forces that each apparatus can turn to.
-
-    All of space with two gimbal axes, the plane across the axis with one, the line with none.
-    """
-    u, once, twice, elbow = scratch(3), scratch((3, 3)), scratch((3, 3)), scratch(3)
-    for j in range(m.shape[0]):
-        one, two = dot(m[j, FIRST], m[j, FIRST]) > 0.5, dot(m[j, SECOND], m[j, SECOND]) > 0.5
-        if one and two:
-            for k in range(3):
-                for i in range(3):
-                    out[j, k, i] = 1.0 if k == i else 0.0
-            continue
-        turned_into(m, j, angles[j, 0], angles[j, 1], once, twice, elbow)
-        if two:
-            turn_into(once, m[j, SECOND], u)
-            across_into(u, out[j])
-        else:
-            turn_into(twice, m[j, AXIS], u)
-            along_into(u, out[j])
-
-
-@jit
-def confinement(m: Floats, angles: Floats) -> Floats:
-    """Returns the projectors (Ñ, 3, 3) of `confinement_into`."""
-    out = np.empty((m.shape[0], 3, 3))
-    confinement_into(m, angles, out)
-    return out
-
-
-@bare
-def along_into(u: Floats, out: Floats) -> None:
-    """Writes the projector (3, 3) onto the line along unit u."""
-    for i in range(3):
-        for k in range(3):
-            out[i, k] = u[i] * u[k]
-
-
-@bare
-def across_into(u: Floats, out: Floats) -> None:
-    """Writes the projector (3, 3) onto the plane across unit u."""
-    for i in range(3):
-        for k in range(3):
-            out[i, k] = -u[i] * u[k]
-        out[i, i] += 1.0
 
 
 @bare
@@ -158,7 +109,7 @@ def wrench_jacobian_into(m: Floats, thrust: Floats, angles: Floats, out: Floats)
             out[k, j] = u[k]
             out[3 + k, j] = a[k] + m[j, EXTRA, 0] * u[k]
         for kind in range(2):
-            swing_into(m, j, kind, once, elbow, u, p, axis, arm, du, dp)
+            swing_into(m, j, kind, (once, elbow), u, p, axis, arm, du, dp)
             cross_into(dp, u, a)
             cross_into(p, du, b)
             column = (1 + kind) * n + j

@@ -8,14 +8,8 @@ rest; each round also moves the thrust points (THEORY A4, A7).
 from math import nan, sqrt
 
 from snakegen.kernels.allocation.ball_allocation import ball_forces_into, near_forces_into
-from snakegen.kernels.allocation.fully_actuated import (
-    across_into,
-    aim_forces,
-    along_into,
-    confinement_into,
-    forces_into,
-    point_map_into,
-)
+from snakegen.kernels.allocation.confinement import across_into, along_into, confinement_into
+from snakegen.kernels.allocation.fully_actuated import aim_forces, forces_into, point_map_into
 from snakegen.kernels.allocation.gimbals import (
     AXIS,
     FIRST,
@@ -25,6 +19,7 @@ from snakegen.kernels.allocation.gimbals import (
     thrust_line,
     turned_into,
 )
+from snakegen.kernels.allocation.types import Limits, Previous, Task
 from snakegen.kernels.core.mat3 import cross_into, dot, turn_into
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.stack_arrays import scratch
@@ -32,6 +27,7 @@ from snakegen.kernels.core.types import Floats
 from snakegen.kernels.dynamics.joint_loads import JointLoads
 
 LEAST, NEAR, CALMLY = 0, 1, 2  # which of all the answers
+ROUNDS = 20  # of bounded allocation and aiming
 AT_REST = 1e-4  # rad, of the last round: what it leaves of the wrench is of second order, 1e-8
 LEAST_TURNED = 0.5  # N; what turns a lesser force moves its point for next to nothing
 LEAST_SWEPT = 0.05  # of ‖∂u/∂x‖²; less is too near θ = ±90° to be told by a derivative
@@ -118,7 +114,7 @@ def turning_map_into(m: Floats, angles: Floats, forces: Floats, allowed: Floats,
         for k in range(3):
             p[k] += elbow[k]
         for kind in range(2):
-            swing_into(m, j, kind, once, elbow, u, p, axis, arm, du, dp)
+            swing_into(m, j, kind, (once, elbow), u, p, axis, arm, du, dp)
             cross_into(dp, force, moment)
             bulk = size * max(dot(du, du), LEAST_SWEPT)
             for c in range(3):
@@ -162,31 +158,22 @@ def aimed(
 @bare(no_cpython_wrapper=True)
 def bounded_forces(
     m: Floats,
-    wrench: Floats,
-    rows: Floats,
-    limit: Floats,
-    lower: Floats,
-    upper: Floats,
-    last: Floats,
-    before: Floats,
-    rounds: int,
+    task: Task,
+    limits: Limits,
+    last: Previous,
     loads: JointLoads,
     internal: Floats,
     near: int,
     thrust: Floats,
     angles: Floats,
 ) -> None:
-    """Writes thrust (Ñ,) in [0, limit] and angles (Ñ, 2) within limits, nearest to `wrench`.
+    """Writes thrust (Ñ,) and angles (Ñ, 2) within limits, nearest to the wrench that is sought.
 
     Args:
-        m: (Ñ, 10, 3) from `vectoring.mounts`.
-        wrench: (6,) wanted, CoG axes.
-        rows: (6,) scale of the wrench's rows; it decides what is given up when out of reach.
-        limit: (Ñ,) N.
-        lower, upper: (Ñ, 2) rad, joint order.
-        last: (Ñ, 2) rad, joint order, of the tick before.
-        before: (Ñ,) N, thrusts of the tick before, 0 for none: where the first map is taken.
-        rounds: most rounds.
+        m: (Ñ, 10, 3) from `mounts`.
+        task: its scale decides what is given up when out of limits.
+        limits: limits.
+        last: the tick before, where the first map is taken.
         loads: bounds of the joints on forces in CoG axes.
         internal: (3Ñ,) N, CoG axes, forces against one another to keep, unless `near` is LEAST.
         near: LEAST for the least forces within the joints' bounds; NEAR, or CALMLY, for
@@ -194,18 +181,18 @@ def bounded_forces(
         thrust: (Ñ,) N.
         angles: (Ñ, 2) rad, joint order.
     """
-    n = limit.shape[0]
+    n, limit, wrench, rows = limits.thrust.shape[0], limits.thrust, task.wrench, task.rows
     missed, forces, kept = scratch(n), scratch(3 * n), scratch(3 * n)
     top = scratch(6 + loads.limit.shape[0])  # of a round's dual: the next begins there
     allowed, q = scratch((n, 3, 3)), scratch((6, 3 * n))
     bound = JointLoads(scratch(loads.rows.shape), loads.bias, loads.limit)
     for j in range(n):
         for k in range(2):
-            angles[j, k] = last[j, k]
+            angles[j, k] = last.angles[j, k]
     confinement_into(m, angles, allowed)
-    forces_into(m, before, last, forces)
+    forces_into(m, last.thrust, last.angles, forces)
     top[0] = nan
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         turning_map_into(m, angles, forces, allowed, q)
         if near != LEAST:
             confined_forces_into(internal, allowed, kept)
@@ -213,7 +200,7 @@ def bounded_forces(
         else:
             confined_loads_into(loads, allowed, bound.rows)
             ball_forces_into(q, wrench, rows, limit, bound, top, forces)
-        moved = aimed(m, forces, lower, upper, thrust, angles, missed)
-        confine_at_limits(m, angles, lower, upper, missed, allowed)
+        moved = aimed(m, forces, limits.lower, limits.upper, thrust, angles, missed)
+        confine_at_limits(m, angles, limits.lower, limits.upper, missed, allowed)
         if moved < AT_REST:
             break

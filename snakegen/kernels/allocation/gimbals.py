@@ -154,8 +154,7 @@ def swing_into(
     m: Floats,
     j: int,
     kind: int,
-    once: Floats,
-    elbow: Floats,
+    turned: tuple[Floats, Floats],
     u: Floats,
     p: Floats,
     axis: Floats,
@@ -166,11 +165,12 @@ def swing_into(
     """Writes what a turn of joint `kind` (0, 1) of apparatus j does: ``∂u/∂x`` and ``∂p/∂x``.
 
     Args:
-        once, elbow: from `turned_into`.
+        turned: once (3, 3) and elbow (3,) of `turned_into`.
         u, p: (3,) thrust direction and a point [m], CoG axes.
         axis, arm: (3,) the joint's axis, and the point [m] from its origin.
         du, dp: (3,) per rad, ``axis × u`` and ``axis × arm``.
     """
+    once, elbow = turned
     turn_into(once, m[j, FIRST + kind], axis)
     for k in range(3):
         arm[k] = p[k] - (m[j, ORIGIN, k] if kind == 0 else elbow[k])

@@ -11,18 +11,28 @@ from snakegen.kernels.allocation.constrained_allocation import bounded_answer
 from snakegen.kernels.allocation.dual_rotor import dual_answer, outside
 from snakegen.kernels.allocation.fully_actuated import refine, spread_forces, wrench_jacobian_into
 from snakegen.kernels.allocation.gimbals import joint_order_into
+from snakegen.kernels.allocation.types import (
+    DualAnswer,
+    Iteration,
+    Level,
+    Limits,
+    Previous,
+    RotorBounds,
+    Task,
+    VirtualAnswer,
+)
 from snakegen.kernels.allocation.underactuated import (
     rotor_map_into,
     truncated_into,
     truncated_wrench_into,
     vectored_gimbals_into,
 )
-from snakegen.kernels.control.types import Body, Law
+from snakegen.kernels.control.types import Law
 from snakegen.kernels.core.cholesky import least_norm_into, least_singular_value
 from snakegen.kernels.core.jit import jit
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.stack_arrays import scratch
-from snakegen.kernels.core.types import Floats, Gimbals, Rotors, Tree
+from snakegen.kernels.core.types import Body, Floats, Mechanism
 from snakegen.kernels.dynamics.joint_loads import JointLoads, rotor_loads_into
 
 DUAL_SIGMA_MIN = 1e-3  # least scaled σ_min(Q_trunc) flown: yaw by drag alone has about 1.5 κ
@@ -47,28 +57,26 @@ def wrench_scale(mass: float, gravity: float, length: float) -> Floats:
 @bare(no_cpython_wrapper=True)
 def least_answer(
     m: Floats,
-    limit: Floats,
-    wrench: Floats,
-    rows: Floats,
+    task: Task,
+    limits: Limits,
     last: Floats,
-    lower: Floats,
-    upper: Floats,
-    sweeps: int,
-    newton: int,
-    residual: float,
+    iteration: Iteration,
     thrust: Floats,
     angles: Floats,
 ) -> tuple[float, int, float, bool]:
     """Writes the printed allocator's thrust (Ñ,) and angles (Ñ, 2), joint order: eqs 29-47.
 
-    Returns σ_min(J_w), Newton steps, ‖ε‖, and whether a limit of thrust or angle is passed or ε
-    is left.
+    Begins at the angles `last` (Ñ, 2). Returns σ_min(J_w), Newton steps, ‖ε‖, and whether a limit
+    of thrust or angle is passed or ε is left.
     """
-    n = limit.shape[0]
+    limit, lower, upper, rows = limits.thrust, limits.lower, limits.upper, task.rows
+    n, residual = limit.shape[0], iteration.residual
     columns, jacobian = scratch(3 * n), scratch((6, 3 * n))
-    spread_forces(m, wrench, limit, lower, upper, last, sweeps, thrust, angles)
+    spread_forces(m, task.wrench, limit, lower, upper, last, iteration.sweeps, thrust, angles)
     scale = 1.0 / (rows[0] * n)
-    steps, size = refine(m, wrench, thrust, angles, limit, rows, scale, newton, residual)
+    steps, size = refine(
+        m, task.wrench, thrust, angles, limit, rows, scale, iteration.newton, residual
+    )
     beyond = size > residual
     for j in range(n):
         columns[j], columns[n + j], columns[2 * n + j] = limit[j], 1.0, 1.0
@@ -82,15 +90,10 @@ def least_answer(
 @jit
 def allocate_virtual(
     m: Floats,
-    limit: Floats,
-    wrench: Floats,
-    rows: Floats,
+    task: Task,
+    limits: Limits,
     last: Floats,
-    lower: Floats,
-    upper: Floats,
-    sweeps: int,
-    newton: int,
-    residual: float,
+    iteration: Iteration,
     constrained: int,
     loads: JointLoads,
     internal: Floats,
@@ -98,32 +101,16 @@ def allocate_virtual(
 ) -> tuple[Floats, Floats, float, int, float, Floats, Floats]:
     """Returns thrust (Ñ,), angles (Ñ, 2), σ_min(J_w), Newton steps and ‖ε‖: eqs 29-47.
 
-    Beside them the wrench (6,) within reach, and internal forces for the next tick; arguments as
+    Beside them the wrench (6,) within limits, and internal forces for the next tick; arguments as
     in `least_answer` and `bounded_answer`.
     """
-    n = limit.shape[0]
-    thrust, angles, reached, kept = np.empty(n), np.empty((n, 2)), wrench.copy(), internal.copy()
-    sigma, steps, size, beyond = least_answer(
-        m, limit, wrench, rows, last, lower, upper, sweeps, newton, residual, thrust, angles
-    )
+    n = limits.thrust.shape[0]
+    answer = VirtualAnswer(np.empty(n), np.empty((n, 2)), internal.copy(), task.wrench.copy())
+    thrust, angles, kept, reached = answer
+    sigma, steps, size, beyond = least_answer(m, task, limits, last, iteration, thrust, angles)
     if constrained:
-        bounded_answer(
-            m,
-            limit,
-            wrench,
-            rows,
-            last,
-            np.zeros(n),
-            lower,
-            upper,
-            beyond,
-            loads,
-            share,
-            thrust,
-            angles,
-            kept,
-            reached,
-        )
+        before = Previous(last, np.zeros(n), np.zeros(0))
+        bounded_answer(m, task, limits, before, beyond, loads, share, answer)
     else:
         kept[:] = 0.0
     return thrust, angles, sigma, steps, size, reached, kept
@@ -162,88 +149,61 @@ def blend(
 
 
 @bare(no_cpython_wrapper=True)
-def lean(
-    tree: Tree,
-    rotors: Rotors,
-    gimbals: Gimbals,
+def allocate_leaning(
+    mechanism: Mechanism,
     law: Law,
     body: Body,
-    m: Floats,
-    rotor: Floats,
-    ahead: float,
-    left: float,
-    tilt: Floats,
-    weight: float,
-    wrench: Floats,
-    rows: Floats,
-    last: Floats,
-    lower: Floats,
-    upper: Floats,
-    strain: Floats,
+    geometry: tuple[Floats, Floats],
+    level: Level,
+    task: Task,
+    limits: Limits,
+    last: Previous,
     share: float,
-    thrust: Floats,
-    angles: Floats,
-    stands: Floats,
+    answer: DualAnswer,
 ) -> float:
-    """Writes thrust (n,) and angles (Ñ, 2) of dual-rotor mode, or `share` of the way from it.
+    """Writes thrust and angles of dual-rotor mode, or `share` of the way from it: eqs 20-28.
 
-    There what the virtual mode asks stands in them on entry. Returns σ_min: eqs 20-28. Besides,
-    the angles (Ñ, 2) at which gimbals `stands` under the thrusts, as far as the allocator knows.
+    There what the virtual mode asks is the `answer` on entry. Returns σ_min. `geometry` is of
+    `mounts`; deflections are as far as the allocator knows.
     """
+    m, rotor = geometry
+    thrust, angles, deflected = answer
+    rotors, rows, tilt = mechanism.rotors, task.rows, level.tilt
     n, count = angles.shape[0], thrust.shape[0]
     k = law.joints.shape[0] if law.constrained else 0
     leaned, full, q, part = scratch((n, 2)), scratch((6, count)), scratch((4, count)), scratch(4)
-    vectored_gimbals_into(m, ahead, left, tilt, weight, law.vectoring, lower, upper, last, leaned)
+    vectored_gimbals_into(
+        m, level.ahead, level.left, tilt, level.weight, law.vectoring, limits.lower, limits.upper,
+        last.angles, leaned,
+    )  # fmt: skip
     for j in range(n):
         for i in range(2):
             near = share * (angles[j, i] - leaned[j, i]) if share > 0.0 else 0.0
             angles[j, i] = leaned[j, i] + near
     rotor_map_into(m, rotor, angles, full)
     truncated_into(full, tilt, q)
-    truncated_wrench_into(wrench, tilt, part)
+    truncated_wrench_into(task.wrench, tilt, part)
     bent = JointLoads(scratch((k, count)), scratch(k), law.joint_limit[:k])
     rotor_loads_into(
-        tree,
-        gimbals,
-        m,
-        rotor,
-        angles,
-        body.rotation,
-        body.position,
-        body.cog,
-        body.axes,
-        law.gravity,
-        law.joints[:k],
-        bent.rows,
-        bent.bias,
-    )
+        mechanism.tree, mechanism.gimbals, body, m, rotor, angles, law.gravity, law.joints[:k],
+        bent.rows, bent.bias,
+    )  # fmt: skip
     for i in range(k):
-        bent.bias[i] += strain[i]
-    split, least, most = scratch(count), rotors.thrust_min, rotors.thrust_max
+        bent.bias[i] += last.external[i]
+    split = scratch(count)
+    bounds = RotorBounds(rotors.thrust_min, rotors.thrust_max, law.constrained, bent)
     if law.constrained:
         give = scratch((n, 2))
         joint_order_into(m, law.gimbal_give, give)
         sigma = yielding_answer(
-            m,
-            rotor,
-            angles,
-            give,
-            tilt,
-            part,
-            rows[2:],
-            least,
-            most,
-            law.constrained,
-            bent,
-            split,
-            stands,
+            m, rotor, angles, give, tilt, part, rows[2:], bounds, split, deflected
         )
     else:
         for j in range(n):
-            stands[j, 0], stands[j, 1] = angles[j, 0], angles[j, 1]
-        sigma = dual_answer(q, part, rows[2:], least, most, law.constrained, bent, split)
+            deflected[j, 0], deflected[j, 1] = angles[j, 0], angles[j, 1]
+        sigma = dual_answer(q, part, rows[2:], bounds, split)
     if share > 0.0:
-        blend(q, part, most, thrust, split, share)
+        blend(q, part, rotors.thrust_max, thrust, split, share)
     else:
         for r in range(count):
             thrust[r] = split[r]

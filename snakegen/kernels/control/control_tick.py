@@ -10,23 +10,31 @@ from snakegen.kernels.allocation.constrained_allocation import keep_limits
 from snakegen.kernels.allocation.gimbals import joint_order_into, mounts_into
 from snakegen.kernels.allocation.mode_blending import (
     DUAL_SIGMA_MIN,
-    lean,
+    allocate_leaning,
     least_answer,
     smooth,
     wrench_scale_into,
+)
+from snakegen.kernels.allocation.types import (
+    DualAnswer,
+    Iteration,
+    Level,
+    Limits,
+    Previous,
+    Task,
+    VirtualAnswer,
 )
 from snakegen.kernels.allocation.underactuated import (
     level_axes_into,
     rotor_map_into,
     truncated_wrench_into,
 )
-from snakegen.kernels.control.external_torque import feel_strain
+from snakegen.kernels.control.external_torque import update_external_torque
 from snakegen.kernels.control.pose_law import pose_wrench
 from snakegen.kernels.control.types import (
     FLOWN,
     REFUSED,
     VIRTUAL,
-    Body,
     Command,
     Law,
     Measured,
@@ -38,7 +46,7 @@ from snakegen.kernels.control.types import (
 from snakegen.kernels.core.jit import jit
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.stack_arrays import scratch
-from snakegen.kernels.core.types import Floats, Gimbals, Rotors, Tree
+from snakegen.kernels.core.types import Body, Floats, Mechanism
 
 SATURATION = 1e-6  # scaled wrench by which a command may fall short before it counts as saturated
 
@@ -74,7 +82,7 @@ def clip_to(lower: Floats, upper: Floats, x: Floats) -> None:
 
 
 @bare
-def falls_short(wanted: Floats, given: Floats, rows: Floats) -> int:
+def is_unachieved(wanted: Floats, given: Floats, rows: Floats) -> int:
     """Tells whether a wrench misses what was wanted by more than SATURATION, rows scaled."""
     for k in range(rows.shape[0]):
         if abs(rows[k] * (wanted[k] - given[k])) > SATURATION:
@@ -83,7 +91,7 @@ def falls_short(wanted: Floats, given: Floats, rows: Floats) -> int:
 
 
 @bare
-def forget(internal: Floats, value: float) -> None:
+def reset_internal_forces(internal: Floats, value: float) -> None:
     """Sets all internal forces (2, Ñ, 3) to one value: 0 for none, NaN for none as yet."""
     for i in range(2):
         for j in range(internal.shape[1]):
@@ -92,7 +100,9 @@ def forget(internal: Floats, value: float) -> None:
 
 
 @bare
-def made_into(m: Floats, rotor: Floats, angles: Floats, thrust: Floats, given: Floats) -> None:
+def achieved_wrench_into(
+    m: Floats, rotor: Floats, angles: Floats, thrust: Floats, given: Floats
+) -> None:
     """Writes the wrench (6,), CoG axes, of rotor thrusts (n,) at angles in joint order: eq 7."""
     full = scratch((6, thrust.shape[0]))
     rotor_map_into(m, rotor, angles, full)
@@ -103,21 +113,18 @@ def made_into(m: Floats, rotor: Floats, angles: Floats, thrust: Floats, given: F
 
 
 @bare
-def falls_short_level(wanted: Floats, given: Floats, tilt: Floats, rows: Floats) -> int:
-    """Tells as `falls_short` does of ``[f_z; τ]`` alone, z the level axis."""
+def is_unachieved_level(wanted: Floats, given: Floats, tilt: Floats, rows: Floats) -> int:
+    """Tells as `is_unachieved` does of ``[f_z; τ]`` alone, z the level axis."""
     one, two = scratch(4), scratch(4)
     truncated_wrench_into(wanted, tilt, one)
     truncated_wrench_into(given, tilt, two)
-    return falls_short(one, two, rows[2:])
+    return is_unachieved(one, two, rows[2:])
 
 
 @bare(no_cpython_wrapper=True)
 def decide(
-    tree: Tree,
-    rotors: Rotors,
-    gimbals: Gimbals,
+    mechanism: Mechanism,
     law: Law,
-    length: float,
     mode: int,
     measured: Measured,
     target: Target,
@@ -131,6 +138,7 @@ def decide(
     Arguments as in `control_tick`. Returns what no array holds: the state's blend and whether it
     is saturated, then the command's σ_min, Newton steps, residual and status.
     """
+    tree, rotors, gimbals = mechanism
     n, bodies, count = gimbals.limit.shape[0], tree.parent.shape[0], rotors.body.shape[0]
     rotation, position, cog = scratch((bodies, 3, 3)), scratch((bodies, 3)), scratch(3)
     body = Body(rotation, position, cog, scratch((3, 3)))
@@ -141,7 +149,7 @@ def decide(
     mass, ahead, left = pose_wrench(
         tree, law, measured, target, state, share, dt, force_dt, body, wrench
     )
-    wrench_scale_into(mass, law.gravity, length, rows)
+    wrench_scale_into(mass, law.gravity, law.length, rows)
     m, rotor = scratch((n, 10, 3)), scratch((count, 3, 3))
     mounts_into(tree, rotors, gimbals, rotation, position, cog, body.axes, m, rotor)
     lower, upper, last = scratch((n, 2)), scratch((n, 2)), scratch((n, 2))
@@ -149,89 +157,42 @@ def decide(
     joint_order_into(m, law.gimbal_upper, upper)
     joint_order_into(m, state.gimbals, last)
     if law.constrained:
-        feel_strain(tree, gimbals, law, body, m, rotor, last, measured, state, dt)
+        update_external_torque(tree, gimbals, law, body, m, rotor, last, measured, state, dt)
     angles, pushes, reached, given = scratch((n, 2)), scratch(n), scratch(6), command.given
     sigma, steps, size, status = np.inf, 0, 0.0, FLOWN
+    task, limits, before = Task(wrench, rows), Limits(gimbals.limit, lower, upper), scratch(n)
+    previous = Previous(last, before, state.strain)
     if share > 0.0:
-        sigma, steps, size, beyond = least_answer(
-            m,
-            gimbals.limit,
-            wrench,
-            rows,
-            last,
-            lower,
-            upper,
-            law.sweeps,
-            law.newton,
-            law.residual,
-            pushes,
-            angles,
-        )
+        iteration = Iteration(law.sweeps, law.newton, law.residual)
+        sigma, steps, size, beyond = least_answer(m, task, limits, last, iteration, pushes, angles)
         if law.constrained:
-            before = scratch(n)
             gather_thrust(rotor, state.thrust, before)
-            keep_limits(
-                tree,
-                gimbals,
-                law,
-                body,
-                m,
-                wrench,
-                rows,
-                last,
-                before,
-                lower,
-                upper,
-                beyond,
-                dt,
-                pushes,
-                angles,
-                state.internal,
-                state.strain,
-                reached,
-            )
+            virtual = VirtualAnswer(pushes, angles, state.internal, reached)
+            keep_limits(mechanism, law, body, m, task, limits, previous, beyond, dt, virtual)
         spread_thrust(rotor, pushes, thrust)
         if sigma < law.sigma_min:
             status = REFUSED
     tilt, stands = scratch((3, 3)), scratch((n, 2))
     if share < 1.0:
         level_axes_into(target.rotation, tilt)
-        dual_sigma = lean(
-            tree,
-            rotors,
-            gimbals,
-            law,
-            body,
-            m,
-            rotor,
-            ahead,
-            left,
-            tilt,
-            mass * law.gravity,
-            wrench,
-            rows,
-            last,
-            lower,
-            upper,
-            state.strain,
-            share,
-            thrust,
-            angles,
-            stands,
+        level = Level(ahead, left, mass * law.gravity, tilt)
+        dual = DualAnswer(thrust, angles, stands)
+        dual_sigma = allocate_leaning(
+            mechanism, law, body, (m, rotor), level, task, limits, previous, share, dual
         )
         sigma = min(sigma, dual_sigma)
         if dual_sigma < DUAL_SIGMA_MIN:
             status = REFUSED
     if share == 0.0 or not law.constrained:
-        forget(state.internal, np.nan if share == 0.0 else 0.0)
+        reset_internal_forces(state.internal, np.nan if share == 0.0 else 0.0)
     clip_to(rotors.thrust_min, rotors.thrust_max, thrust)
     for j in range(n):
         clip_to(lower[j], upper[j], angles[j])
-    made_into(m, rotor, stands if share < 1.0 else angles, thrust, given)
+    achieved_wrench_into(m, rotor, stands if share < 1.0 else angles, thrust, given)
     if share < 1.0:
-        short = falls_short_level(wrench, given, tilt, rows)
+        short = is_unachieved_level(wrench, given, tilt, rows)
     else:
-        short = falls_short(wrench, reached if law.constrained else given, rows)
+        short = is_unachieved(wrench, reached if law.constrained else given, rows)
     for r in range(count):
         state.thrust[r] = thrust[r]
     joint_order_into(m, angles, state.gimbals)
@@ -241,11 +202,8 @@ def decide(
 
 @jit
 def control_tick(
-    tree: Tree,
-    rotors: Rotors,
-    gimbals: Gimbals,
+    mechanism: Mechanism,
     law: Law,
-    length: float,
     mode: int,
     measured: Measured,
     target: Target,
@@ -256,9 +214,8 @@ def control_tick(
     """Returns the controller's memory after this tick, and the command.
 
     Args:
-        tree, rotors, gimbals: the robot.
+        mechanism: the robot.
         law: gains, limits and options.
-        length: m, the torque scale's lever (mean link length).
         mode: VIRTUAL or DUAL, the mode to be in or to blend into.
         measured: sensors.
         target: where the CoG frame should be.
@@ -266,22 +223,12 @@ def control_tick(
         dt: s since then.
         force_dt: s of position error to add to its integral (0 between ticks of a slower loop).
     """
-    after, thrust, turns = copied(state), np.empty(rotors.body.shape[0]), state.gimbals.copy()
+    after, turns = copied(state), state.gimbals.copy()
+    thrust = np.empty(mechanism.rotors.body.shape[0])
     wanted, given = np.empty(6), np.empty(6)
     command = Command(thrust, turns, wanted, given, np.inf, 0, 0.0, FLOWN)
     blend, short, sigma, steps, size, status = decide(
-        tree,
-        rotors,
-        gimbals,
-        law,
-        length,
-        mode,
-        measured,
-        target,
-        after,
-        dt,
-        force_dt,
-        command,
+        mechanism, law, mode, measured, target, after, dt, force_dt, command
     )
     return (
         with_flags(after, blend, short),

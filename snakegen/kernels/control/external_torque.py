@@ -7,17 +7,17 @@ do not explain of it, smoothed, is added to the loads that the constrained alloc
 
 from math import isnan
 
-from snakegen.kernels.control.types import Body, Law, Measured, State
+from snakegen.kernels.control.types import Law, Measured, State
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.stack_arrays import scratch
-from snakegen.kernels.core.types import Floats, Gimbals, Tree
+from snakegen.kernels.core.types import Body, Floats, Gimbals, Tree
 from snakegen.kernels.dynamics.joint_loads import rotor_loads_into
 
 STRAIN_TIME = 0.5  # s, of the smoothing: slow beside the attitude loop, fast beside a lasting push
 
 
 @bare
-def feel_strain(
+def update_external_torque(
     tree: Tree,
     gimbals: Gimbals,
     law: Law,
@@ -43,21 +43,7 @@ def feel_strain(
     if measured.torques.shape[0] != k or k == 0 or isnan(state.thrust[0]):
         return
     rows, bias = scratch((k, n)), scratch(k)
-    rotor_loads_into(
-        tree,
-        gimbals,
-        m,
-        rotor,
-        last,
-        body.rotation,
-        body.position,
-        body.cog,
-        body.axes,
-        law.gravity,
-        law.joints,
-        rows,
-        bias,
-    )
+    rotor_loads_into(tree, gimbals, body, m, rotor, last, law.gravity, law.joints, rows, bias)
     share = dt / (dt + STRAIN_TIME)
     for i in range(k):
         known = bias[i]

@@ -2,11 +2,11 @@
 
 from snakegen.kernels.allocation.underactuated import between_into, horizontal, tilted_target_into
 from snakegen.kernels.control.low_pass import low_pass
-from snakegen.kernels.control.types import Body, Law, Measured, State, Target
+from snakegen.kernels.control.types import Law, Measured, State, Target
 from snakegen.kernels.core.mat3 import cross_into, matmul_into, turn_back_into, turn_into
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.stack_arrays import scratch
-from snakegen.kernels.core.types import Floats, Tree
+from snakegen.kernels.core.types import Body, Floats, Tree
 from snakegen.kernels.kinematics.chain import (
     body_twists_into,
     drift_into,

@@ -34,15 +34,6 @@ class Target(NamedTuple):
     angular: Floats  # (3,) rad/s, in the axes of `rotation`
 
 
-class Body(NamedTuple):
-    """Where the believed robot is: poses of its bodies, its CoG, the CoG frame's axes."""
-
-    rotation: Floats  # (n, 3, 3) world
-    position: Floats  # (n, 3) m, world
-    cog: Floats  # (3,) m, world
-    axes: Floats  # (3, 3)
-
-
 class Law(NamedTuple):
     """The constants of a controller: gains of eqs 15-28, limits, options."""
 
@@ -66,6 +57,7 @@ class Law(NamedTuple):
     residual: float  # N and N m, where Newton stops
     blend_time: float  # s, of a change of mode
     gravity: float  # m/s²
+    length: float  # m, lever by which torques are scaled: the mean link length
     joints: Ints  # (k,) bodies moved by the joints whose torque the constrained allocator bounds
     joint_limit: Floats  # (k,) N m
     internal_time: Floats  # (2,) s, in which internal forces follow joints' and thrusts' limits

@@ -10,9 +10,9 @@ known of it keeps noise out: of hinge rates only what swings at a slow mode's fr
 
 import numpy as np
 
+from snakegen.kernels.allocation.confinement import confinement
 from snakegen.kernels.allocation.fully_actuated import (
     aim_forces,
-    confinement,
     forces_of,
     point_map,
     refine,
@@ -22,11 +22,11 @@ from snakegen.kernels.allocation.gimbals import joint_order, mounts, thrust_line
 from snakegen.kernels.allocation.mode_blending import wrench_scale
 from snakegen.kernels.allocation.underactuated import level_axes, rotor_map, truncated
 from snakegen.kernels.control.control_tick import clip_to, spread_thrust
-from snakegen.kernels.control.types import Body, Command, Law, Measured
+from snakegen.kernels.control.types import Command, Law, Measured
 from snakegen.kernels.core.cholesky import least_norm
 from snakegen.kernels.core.jit import jit
 from snakegen.kernels.core.mat3 import cross_into, matmul_into, turn_back_into, turn_into
-from snakegen.kernels.core.types import Floats, Gimbals, Rotors, Tree
+from snakegen.kernels.core.types import Body, Floats, Gimbals, Mechanism, Rotors
 from snakegen.kernels.flight.types import Damper
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 
@@ -187,11 +187,8 @@ def damp_apparatuses(
 
 @jit
 def damped(
-    tree: Tree,
-    rotors: Rotors,
-    gimbals: Gimbals,
+    mechanism: Mechanism,
     law: Law,
-    length: float,
     damper: Damper,
     measured: Measured,
     rates: Floats,
@@ -205,7 +202,7 @@ def damped(
     gimbals. While the mode changes nothing is added.
 
     Args:
-        tree, rotors, gimbals, law, length: of the controller.
+        mechanism, law: of the controller.
         damper: hinges and gain.
         measured: what the controller knew.
         rates: (e,) rad/s, of the hinges beyond what is asked of them.
@@ -215,6 +212,7 @@ def damped(
     """
     if 0.0 < blend < 1.0:
         return command.thrust, command.gimbals
+    tree, rotors, gimbals = mechanism
     rotation, position = forward(tree, measured.rotation, measured.position, measured.angles)
     mass, cog = centre_of_gravity(tree, rotation, position)
     axes = np.empty((3, 3))
@@ -229,7 +227,7 @@ def damped(
     pushes = np.zeros(gimbals.limit.shape[0])
     for r in range(thrust.shape[0]):
         pushes[int(rotor[r, 2, 1])] += thrust[r]
-    rows = wrench_scale(mass, law.gravity, length)
+    rows = wrench_scale(mass, law.gravity, law.length)
     damp_apparatuses(gimbals, law, damper, frame, rates, m, rows, pushes, angles)
     spread_thrust(rotor, pushes, thrust)
     clip_to(rotors.thrust_min, rotors.thrust_max, thrust)

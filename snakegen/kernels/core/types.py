@@ -51,3 +51,20 @@ class Gimbals(NamedTuple):
     thrust_point: Floats  # (n, 3) m, F in that body's frame: mean of its rotors' positions
     thrust_axis: Floats  # (n, 3) unit, mean thrust direction in that body's frame
     limit: Floats  # (n,) N, sum of its rotors' largest thrusts
+
+
+class Mechanism(NamedTuple):
+    """One robot: what every kernel of a flight needs of it."""
+
+    tree: Tree
+    rotors: Rotors
+    gimbals: Gimbals
+
+
+class Body(NamedTuple):
+    """Where a robot is: poses of its bodies, its CoG, the CoG frame's axes."""
+
+    rotation: Floats  # (n, 3, 3) world
+    position: Floats  # (n, 3) m, world
+    cog: Floats  # (3,) m, world
+    axes: Floats  # (3, 3)

@@ -14,7 +14,7 @@ from snakegen.kernels.core.jit import jit
 from snakegen.kernels.core.mat3 import cross_into, dot, turn_back_into, turn_into
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.stack_arrays import scratch
-from snakegen.kernels.core.types import Floats, Gimbals, Ints, Tree
+from snakegen.kernels.core.types import Body, Floats, Gimbals, Ints, Tree
 
 
 class JointLoads(NamedTuple):
@@ -40,9 +40,7 @@ def beyond(tree: Tree, body: int, joint: int) -> bool:
 
 
 @bare(no_cpython_wrapper=True)
-def weights_into(
-    tree: Tree, rotation: Floats, position: Floats, cog: Floats, axes: Floats, hung: Floats
-) -> None:
+def weights_into(tree: Tree, body: Body, hung: Floats) -> None:
     """Writes the mass [kg] and its first moment [kg m] from the CoG of what hangs on each body.
 
     Args:
@@ -50,10 +48,10 @@ def weights_into(
     """
     world, arm = scratch(3), scratch(3)
     for b in range(tree.mass.shape[0]):
-        turn_into(rotation[b], tree.com[b], world)
+        turn_into(body.rotation[b], tree.com[b], world)
         for k in range(3):
-            world[k] += position[b, k] - cog[k]
-        turn_back_into(axes, world, arm)
+            world[k] += body.position[b, k] - body.cog[k]
+        turn_back_into(body.axes, world, arm)
         hung[b, 0] = tree.mass[b]
         for k in range(3):
             hung[b, 1 + k] = tree.mass[b] * arm[k]
@@ -63,23 +61,14 @@ def weights_into(
 
 
 @bare(no_cpython_wrapper=True)
-def joint_line_into(
-    tree: Tree,
-    rotation: Floats,
-    position: Floats,
-    cog: Floats,
-    axes: Floats,
-    joint: int,
-    a: Floats,
-    r: Floats,
-) -> None:
+def joint_line_into(tree: Tree, body: Body, joint: int, a: Floats, r: Floats) -> None:
     """Writes axis (3,) and origin (3,) [m from the CoG] of a joint, CoG axes."""
     world = scratch(3)
-    turn_into(rotation[joint], tree.axis[joint], world)
-    turn_back_into(axes, world, a)
+    turn_into(body.rotation[joint], tree.axis[joint], world)
+    turn_back_into(body.axes, world, a)
     for k in range(3):
-        world[k] = position[joint, k] - cog[k]
-    turn_back_into(axes, world, r)
+        world[k] = body.position[joint, k] - body.cog[k]
+    turn_back_into(body.axes, world, r)
 
 
 @bare
@@ -96,12 +85,9 @@ def weight_load(hung: Floats, a: Floats, r: Floats, axes: Floats, gravity: float
 def force_loads_into(
     tree: Tree,
     gimbals: Gimbals,
+    body: Body,
     m: Floats,
     angles: Floats,
-    rotation: Floats,
-    position: Floats,
-    cog: Floats,
-    axes: Floats,
     gravity: float,
     joints: Ints,
     rows: Floats,
@@ -113,10 +99,10 @@ def force_loads_into(
     a, r, arm, lever = scratch(3), scratch(3), scratch(3), scratch(3)
     for j in range(n):
         thrust_line(m, j, angles[j], u, points[j])
-    weights_into(tree, rotation, position, cog, axes, hung)
+    weights_into(tree, body, hung)
     for i in range(joints.shape[0]):
-        joint_line_into(tree, rotation, position, cog, axes, joints[i], a, r)
-        bias[i] = weight_load(hung[joints[i]], a, r, axes, gravity)
+        joint_line_into(tree, body, joints[i], a, r)
+        bias[i] = weight_load(hung[joints[i]], a, r, body.axes, gravity)
         for j in range(n):
             carried = beyond(tree, gimbals.link_body[j], joints[i])
             for k in range(3):
@@ -131,12 +117,9 @@ def force_loads_into(
 def force_loads(
     tree: Tree,
     gimbals: Gimbals,
+    body: Body,
     m: Floats,
     angles: Floats,
-    rotation: Floats,
-    position: Floats,
-    cog: Floats,
-    axes: Floats,
     gravity: float,
     joints: Ints,
     limit: Floats,
@@ -144,15 +127,13 @@ def force_loads(
     """Returns the bounds on apparatus forces (3Ñ,), CoG axes, acting where `angles` put them.
 
     Args:
-        m: (Ñ, 10, 3) from `vectoring.mounts`; angles (Ñ, 2) rad in joint order.
-        rotation, position, cog, axes: as for `mounts`.
+        body: where the robot is.
+        m: (Ñ, 10, 3) from `mounts`; angles (Ñ, 2) rad in joint order.
         joints: (k,) bodies that the bounded joints move.
         limit: (k,) N m.
     """
     rows, bias = np.empty((joints.shape[0], 3 * m.shape[0])), np.empty(joints.shape[0])
-    force_loads_into(
-        tree, gimbals, m, angles, rotation, position, cog, axes, gravity, joints, rows, bias
-    )
+    force_loads_into(tree, gimbals, body, m, angles, gravity, joints, rows, bias)
     return JointLoads(rows, bias, limit)
 
 
@@ -160,13 +141,10 @@ def force_loads(
 def rotor_loads_into(
     tree: Tree,
     gimbals: Gimbals,
+    body: Body,
     m: Floats,
     rotor: Floats,
     angles: Floats,
-    rotation: Floats,
-    position: Floats,
-    cog: Floats,
-    axes: Floats,
     gravity: float,
     joints: Ints,
     rows: Floats,
@@ -184,10 +162,10 @@ def rotor_loads_into(
         turn_into(twice, rotor[c, 0], points[c])
         for k in range(3):
             points[c, k] += elbow[k]
-    weights_into(tree, rotation, position, cog, axes, hung)
+    weights_into(tree, body, hung)
     for i in range(joints.shape[0]):
-        joint_line_into(tree, rotation, position, cog, axes, joints[i], a, r)
-        bias[i] = weight_load(hung[joints[i]], a, r, axes, gravity)
+        joint_line_into(tree, body, joints[i], a, r)
+        bias[i] = weight_load(hung[joints[i]], a, r, body.axes, gravity)
         for c in range(count):
             carried = beyond(tree, gimbals.link_body[int(rotor[c, 2, 1])], joints[i])
             for k in range(3):

@@ -171,15 +171,16 @@ def torque_terms_into(
     armature: Floats,
     segment: Ints,
     gravity: Floats,
-    base_rotation: Floats,
-    angles: Floats,
-    v: Floats,
-    a: Floats,
+    state: tuple[Floats, Floats, Floats, Floats],
     wrenches: Floats,
     work: tuple[Floats, Floats, Floats, Floats, Floats, Floats],
     out: Floats,
 ) -> None:
-    """Writes `torque_terms` into `out` (8, 6 + n - 1); `work` from `workspace`."""
+    """Writes `torque_terms` into `out` (8, 6 + n - 1); `work` from `workspace`.
+
+    `state` has base_rotation, angles, v and a.
+    """
+    base_rotation, angles, v, a = state
     R, p, e, motion, W, M = work
     axes = tree.axis
     forward_into(tree, base_rotation, np.zeros(3), angles, R, p)
@@ -239,9 +240,8 @@ def torque_terms(
     """
     n = tree.parent.shape[0]
     out = np.empty((8, 5 + n))
-    torque_terms_into(
-        tree, armature, segment, gravity, base_rotation, angles, v, a, wrenches, workspace(n), out
-    )
+    state = (base_rotation, angles, v, a)
+    torque_terms_into(tree, armature, segment, gravity, state, wrenches, workspace(n), out)
     return out
 
 
@@ -266,17 +266,6 @@ def torque_terms_batch(
     work = workspace(n)
     out = np.empty((angles.shape[0], 8, 5 + n))
     for s in range(angles.shape[0]):
-        torque_terms_into(
-            tree,
-            armature,
-            segment,
-            gravity,
-            base_rotation[s],
-            angles[s],
-            v[s],
-            a[s],
-            wrenches,
-            work,
-            out[s],
-        )
+        state = (base_rotation[s], angles[s], v[s], a[s])
+        torque_terms_into(tree, armature, segment, gravity, state, wrenches, work, out[s])
     return out

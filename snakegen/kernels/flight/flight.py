@@ -15,11 +15,19 @@ from snakegen.kernels.core.jit import jit
 from snakegen.kernels.core.mat3 import cross_into
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.stack_arrays import borrowed, scratch
-from snakegen.kernels.core.types import Floats, Gimbals, Rotors, Tree
+from snakegen.kernels.core.types import Floats, Mechanism
 from snakegen.kernels.dynamics.generalized_forces import generalize
 from snakegen.kernels.flight.aerodynamics import air_forces, push
 from snakegen.kernels.flight.sensing import read_imu, remember, sense
-from snakegen.kernels.flight.types import Damper, Memory, Plant, References, Rows, Simulator, Wiring
+from snakegen.kernels.flight.types import (
+    Damper,
+    Memory,
+    Plant,
+    References,
+    Simulator,
+    Wiring,
+    World,
+)
 
 LOST = 50.0  # m/s or rad/s: a run this fast has diverged
 FLYING, DIVERGED, ASTRAY = 0, 1, 2  # how a stretch of ticks ended
@@ -149,26 +157,17 @@ def distance(a: Floats, b: Floats) -> float:
 
 @jit(nogil=True)
 def fly_ticks(
-    tree: Tree,
-    rotors: Rotors,
-    gimbals: Gimbals,
+    mechanism: Mechanism,
     law: Law,
-    length: float,
     damper: Damper,
-    sim: Simulator,
-    wires: Wiring,
-    plan: References,
-    plant: Plant,
-    memory: Memory,
-    rows: Rows,
+    world: World,
     state: State,
     first: int,
     last: int,
 ) -> tuple[State, int, int]:
     """Flies ticks `first` … `last` − 1; returns memory, the next tick, and how it ended."""
-    tree, rotors, gimbals, law = borrowed((tree, rotors, gimbals, law))  # type: ignore[call-arg]
-    sim, wires, damper, plan = borrowed((sim, wires, damper, plan))
-    plant, memory, rows = borrowed((plant, memory, rows))
+    mechanism, law, damper, world = borrowed((mechanism, law, damper, world))  # type: ignore[call-arg]
+    sim, wires, plan, plant, memory, rows = world
     dt = plant.substeps * plant.timestep
     count = wires.rotors.shape[0]
     own, thrust = copied(state), scratch(count)
@@ -186,36 +185,16 @@ def fly_ticks(
         force_dt = plant.hold * dt if k % plant.hold == 0 else 0.0
         command = Command(wish, turn, rows.wanted[k], rows.given[k], 0.0, 0, 0.0, 0)
         blend, short, sigma, _, _, status = decide(
-            tree,
-            rotors,
-            gimbals,
-            law,
-            length,
-            plan.mode[k],
-            measured,
-            target,
-            now,
-            dt,
-            force_dt,
-            command,
+            mechanism, law, plan.mode[k], measured, target, now, dt, force_dt, command
         )
         now = with_flags(now, blend, short)
         rows.sigma[k], rows.status[k] = sigma, status
         asked, turns = wish, turn
         if hinges.shape[0] > 0:
             asked, turns = damped(
-                tree,
-                rotors,
-                gimbals,
-                law,
-                length,
-                damper,
-                measured,
-                swinging(damper, hinges, dt),
-                plan.rotation[k],
-                blend,
-                command,
-            )
+                mechanism, law, damper, measured, swinging(damper, hinges, dt),
+                plan.rotation[k], blend, command,
+            )  # fmt: skip
         act(sim, wires, plan, plant, memory, asked, turns, k, rows.command[k])
         thrusts_into(sim, wires, thrust)
         world_forces(sim, wires, plan, plant, memory, thrust, k)

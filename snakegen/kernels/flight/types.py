@@ -144,3 +144,14 @@ class Rows(NamedTuple):
     contact: Floats  # (T,) N
     used: Floats  # (T,) share of the battery
     status: Ints  # (T,)
+
+
+class World(NamedTuple):
+    """Everything outside the controller: simulator, plan, hardware, memory and log."""
+
+    sim: Simulator
+    wires: Wiring
+    plan: References
+    plant: Plant
+    memory: Memory
+    rows: Rows

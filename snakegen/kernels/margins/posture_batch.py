@@ -1,54 +1,56 @@
 """From joint angles to everything that margins need, for a batch of postures in one call."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from snakegen.kernels.allocation.gimbals import mounts, point_thrust
 from snakegen.kernels.allocation.wrench_map import dual_into
 from snakegen.kernels.core.jit import jit
 from snakegen.kernels.core.no_alloc import bare
-from snakegen.kernels.core.types import Floats, Gimbals, Ints, Rotors, Tree
+from snakegen.kernels.core.types import Floats, Gimbals, Ints, Mechanism, Rotors, Tree
 from snakegen.kernels.core.vec3 import Three, back, minus, plus, read, turn, write
 from snakegen.kernels.kinematics.chain import forward_into, weigh
 
 
+class PlacedPostures(NamedTuple):
+    """What `hover_postures` fills, of m postures; root-link axes and from the CoG, or world."""
+
+    dual: Floats  # (m, 6, n_rotors)
+    points: Floats  # (m, Ñ, 3) m
+    frames: Floats  # (m, Ñ, 3, 3), axes of what carries each apparatus' gimbals, of `mounts`
+    hover: Floats  # (m, 6)
+    spine: Floats  # (m, L, 2, 3) m, the segments of the links, world axes
+    discs: Floats  # (m, n_rotors, 3) m, rotor centres, world axes
+
+
 @jit
 def hover_postures(
-    tree: Tree,
-    rotors: Rotors,
-    gimbals: Gimbals,
-    low: Floats,
-    high: Floats,
+    mechanism: Mechanism,
+    limits: tuple[Floats, Floats],
     base: Floats,
     joints: Ints,
     samples: Floats,
     gravity: float,
-    dual: Floats,
-    points: Floats,
-    frames: Floats,
-    hover: Floats,
-    spine: Floats,
-    discs: Floats,
-    bodies: Ints,
-    ends: Floats,
+    segments: tuple[Ints, Floats],
+    out: PlacedPostures,
 ) -> None:
     """Fills the allocation of m postures, every thrust pointed up first; root-link axes, CoG.
 
     Args:
-        tree, rotors, gimbals: the robot.
-        low, high: (n-1,) rad, limits of all joints.
+        mechanism: the robot.
+        limits: (n-1,) rad each, lower and upper, of all joints.
         base: (3, 3) attitude of the root link, one for all.
         joints: (k,) indices into the tree's angles of the joints that are sampled.
         samples: (m, k) rad.
         gravity: m/s².
-        dual: (m, 6, n_rotors), filled.
-        points: (m, Ñ, 3) m, filled.
-        frames: (m, Ñ, 3, 3), filled: axes of what carries each apparatus' gimbals, of `mounts`.
-        hover: (m, 6), filled.
-        spine: (m, L, 2, 3) m, filled: the segments of the links, world axes.
-        discs: (m, n_rotors, 3) m, filled: rotor centres, world axes.
-        bodies: (L,) body of each segment.
-        ends: (L, 2, 3) m, its ends in that body.
+        segments: of the links: (L,) body of each, and (L, 2, 3) m, its ends in that body.
+        out: filled.
     """
+    tree, rotors, gimbals = mechanism
+    low, high = limits
+    bodies, ends = segments
+    dual, points, frames, hover, spine, discs = out
     n = tree.parent.shape[0]
     rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
     angles, origin = np.zeros(n - 1), np.zeros(3)

@@ -17,6 +17,7 @@ from snakegen.base.geometry import Floats
 from snakegen.base.sample_store import release_all
 from snakegen.control.controller import Controller
 from snakegen.kernels.control.types import REFUSED, Measured, State, Target
+from snakegen.kernels.flight import types as kernel
 from snakegen.kernels.flight.flight import ASTRAY, DIVERGED, LOST, fly_ticks, thrusts_into
 from snakegen.kernels.flight.sensing import read_imu
 from snakegen.kernels.kinematics.chain import forward
@@ -235,12 +236,11 @@ class _Run:
         if self.modes:  # they change with the posture
             self.damper = retuned(self.damper, self.world, self.data.qpos)
         c = self.controller
-        args = (c.tree, c.rotors, c.gimbals, c.law, c.length, self.damper, self.sim, self.wires)
+        outside = (self.sim, self.wires, self.references, self.plant, self.memory, self.rows)
+        args = (c.mechanism, c.law, self.damper, kernel.World(*outside))
         end = DIVERGED
         while end == DIVERGED and first < last:
-            state, k, end = fly_ticks(
-                *args, self.references, self.plant, self.memory, self.rows, self.state, first, last
-            )
+            state, k, end = fly_ticks(*args, self.state, first, last)
             self.state = State(*state)
             if end == DIVERGED and self._lost():
                 return k, f"diverged at {time[k - 1]:.2f} s: {self._fastest()}", "ERROR"

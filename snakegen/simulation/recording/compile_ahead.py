@@ -17,6 +17,13 @@ import numpy as np
 from snakegen.control.controller import MODES, flight_controller
 from snakegen.kernels.allocation.compliance import yielding_answer
 from snakegen.kernels.allocation.constrained_allocation import bounded_answer
+from snakegen.kernels.allocation.types import (
+    Limits,
+    Previous,
+    RotorBounds,
+    Task,
+    VirtualAnswer,
+)
 from snakegen.kernels.control.types import VIRTUAL, Command, Measured
 from snakegen.kernels.control.vibration_damping import damped
 from snakegen.kernels.core.jit import cold
@@ -52,15 +59,17 @@ def controller_parts() -> None:
     one, two, three = (np.zeros((1,) * k) for k in range(1, 4))
     whole, pairs = np.zeros(1, np.int64), np.zeros((1, 1), np.int64)
     loads = JointLoads(two, one, one)
-    m = (three, one, one, one, two, one, two, two)  # of mounts, limits, wrench, rows, gimbals …
-    compile_for(bounded_answer, *m, True, loads, one, one, two, three, one)
-    answer = (three, three, two, two, two, one, one, one, one)
-    compile_for(yielding_answer, *answer, 0, loads, one, two)
+    task, limits = Task(one, one), Limits(one, two, two)
+    virtual = VirtualAnswer(one, two, three, one)
+    compile_for(
+        bounded_answer, three, task, limits, Previous(two, one, one), True, loads, one, virtual
+    )
+    bounds = RotorBounds(one, one, 0, loads)
+    compile_for(yielding_answer, three, three, two, two, two, one, one, bounds, one, two)
     damper = Damper(0.0, whole, two, two, pairs, whole, whole, two, two, one, two, 0.0)
     measured = Measured(two, one, one, one, one, one, one)
     command = Command(one, two, one, one, 0.0, 0, 0.0, 0)
-    robot = (c.tree, c.rotors, c.gimbals, c.law, 1.0)
-    compile_for(damped, *robot, damper, measured, one, two, 0.0, command)
+    compile_for(damped, c.mechanism, c.law, damper, measured, one, two, 0.0, command)
 
 
 def margins(virtual: bool) -> None:
