@@ -91,6 +91,7 @@ VALUES: dict[str, dict[str, list[str]]] = {
         "room": ["0.02"],
         "feed": ["0.1"],
         "step": ["0.02"],
+        "opening": ["box"],  # which that scene does not have
         "obstacles": ["OBSTACLES"],
         "give_up": ["0.002"],
         "margin": ["0.01"],
