@@ -210,7 +210,7 @@ def _steepest(robot: Robot, q: Floats, base: Floats, margin: str) -> Floats | No
         return np.array(hover_gimbals(robot, level))
 
     try:
-        found = margin_gradients(robot, aimed(np.zeros(3)), name, mode, ties=False)
+        found = margin_gradients(robot, aimed(np.zeros(3)), name, mode, ties=False, close=False)
     except SnakegenError:
         return None
     joints, by = found.by("joints"), np.array(found.by("attitude"))

@@ -1,6 +1,6 @@
 """Exact derivatives of a robot's margins: `snakegen.margin_gradient` (THEORY A9)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -122,7 +122,7 @@ class MarginGradient:
 
 
 def margin_gradients(
-    robot: Robot, q: Any, kind: str, mode: str = VIRTUAL, *, ties: bool = True
+    robot: Robot, q: Any, kind: str, mode: str = VIRTUAL, *, ties: bool = True, close: bool = True
 ) -> MarginGradient:
     """Returns a margin at q, exact, with its derivatives by all of `BY`.
 
@@ -132,6 +132,8 @@ def margin_gradients(
         kind: "force", "torque" or "wrench"; "attitude_altitude" in dual-rotor mode too.
         mode: "virtual_single_rotor" or "dual_rotor".
         ties: in dual-rotor mode, look for other facets that reach the same value.
+        close: of limited gimbals, bring the bounds together and look for other directions first;
+            else the derivative is that of the hulls' weakest direction, in milliseconds.
 
     Raises:
         AnalysisError: a robot without rotors or with a fixed base, an unknown kind or mode, hover
@@ -154,8 +156,16 @@ def margin_gradients(
         "torque_scale": robot.torque_scale,
     }
     if mode == VIRTUAL:
-        found = set_margins(robot.force_sets(q), hover, wrench_starts=0, **scale)
-        pieces, bodies = vectored_optima(found, kind), (robot.gimbals.thrust_body, _mounts(robot))
+        sets = robot.force_sets(q)
+        if close or sets.convex.all():
+            found = set_margins(sets, hover, wrench_starts=0, **scale)
+        else:  # a batch is not branched
+            stack = replace(sets, points=sets.points[None], frames=sets.frames[None])
+            found = set_margins(stack, hover[None], wrench_starts=0, **scale)[0]
+        pieces, bodies = (
+            vectored_optima(found, kind, close),
+            (robot.gimbals.thrust_body, _mounts(robot)),
+        )
         low, high = found.bounds[KINDS.index(kind)]
         apart = 1.0 - low / high if found.hull and kind != "wrench" and high > 0.0 else 0.0
     else:

@@ -36,7 +36,9 @@ def slope(body: Body, column: str, angles: Floats) -> Floats | None:
         return np.array(hover_gimbals(robot, robot.configuration(given, base_rpy=base)))
 
     try:
-        by = margin_gradients(robot, aimed(angles), name, mode, ties=False).by("joints")
+        by = margin_gradients(robot, aimed(angles), name, mode, ties=False, close=False).by(
+            "joints"
+        )
     except SnakegenError:
         return None
     out = np.empty(len(angles))

@@ -100,6 +100,7 @@ def refine(body: Body, table: pa.Table, column: str, rounds: int = 40) -> Worst:
         if lower_ones is None or 0.0 <= best[i] <= ROUNDING * scale:
             break
         score = _score(body, evaluate(body, lower_ones), column)
+        score[score < 0.0] = np.inf  # hover out of reach, or not proved to be in it: not of a slope
         count, k = count + len(lower_ones), int(score.argmin())
         if not score[k] < best[i]:
             break

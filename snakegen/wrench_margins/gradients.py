@@ -100,11 +100,12 @@ class Optimum:
         return float(parts[:3].sum()), float(parts[3:].sum())
 
 
-def vectored_optima(m: VectoredMargins, kind: str) -> tuple[Optimum, ...]:
+def vectored_optima(m: VectoredMargins, kind: str, others: bool = True) -> tuple[Optimum, ...]:
     """Returns the optima of a vectored margin of one posture: the least first, then its ties.
 
     Empty where the margin is 0 because a direction is lost: then 0 is a subgradient, the margin
-    being 0 there and nowhere less.
+    being 0 there and nowhere less. Without `others` sets that are not convex are searched from the
+    known direction alone.
 
     Raises:
         AnalysisError: hover out of reach, no such margin, or an optimum that was not found.
@@ -123,7 +124,7 @@ def vectored_optima(m: VectoredMargins, kind: str) -> tuple[Optimum, ...]:
     spans = m.sets.frames @ m.sets.spans
     problem = (placed, spans, m.sets.low / scale[0], m.sets.high / scale[0], m.hover_wrench / scale)
     starts = [m.twists[at]]
-    if m.bounds[at, 1] > 0.0:
+    if m.bounds[at, 1] > 0.0 and (others or not m.hull):
         starts += _other_starts(m, kind, problem)
     size = (1.0, scale[0], scale[3])[at]
     limit = m.bounds[at, 1] / size
