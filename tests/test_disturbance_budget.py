@@ -9,7 +9,7 @@ from snakegen.control.controller import flight_controller
 from snakegen.control.gain_sets import gain_set
 from snakegen.control.poles import compliances
 from snakegen.robot.robot import load
-from snakegen.simulation.flight.disturbance_budget import accelerations, response
+from snakegen.simulation.flight.linear_response import accelerations, drag_errors, response
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.run import prepare, run
 from snakegen.simulation.recording.signals import position_error
@@ -76,3 +76,16 @@ def test_a_ring_that_is_still_plucked_is_judged_and_a_moving_one_is_not(dragon4)
     assert (
         "position_max_m" not in prepare(dragon4, "ring", options={"moving": True}).plan.thresholds
     )
+
+
+def test_air_leaves_an_error_behind_what_moves_and_none_behind_what_stays(dragon4):
+    """A steady 1 m/s of an eased path: its error is that of the drag over K_p, or less."""
+    ready = prepare(dragon4, "gust", options={"force": 16.0, "duration": 4.5})
+    c, gains, usual = ready.controller, gain_set(dragon4), Imperfections()
+    speed = np.zeros((len(ready.plan.time), 3))
+    assert not drag_errors(dragon4, c, gains, replace(ready.plan, velocity=speed), usual).any()
+    speed[:, 1] = 1.0
+    moved = drag_errors(dragon4, c, gains, replace(ready.plan, velocity=speed), usual)
+    blown = replace(ready.plan, wind=-speed, disturbance=None)
+    drag = np.abs(accelerations(dragon4, blown, usual)[0, 1])
+    assert 0.5 * drag < moved[1] * c.law.force[0, 1] < 1.05 * drag

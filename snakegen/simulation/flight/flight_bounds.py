@@ -3,7 +3,8 @@
 A bound is a requirement, not a forecast of the plant that is flown: it says how well this body
 tracks with these gains when its hardware is no worse than the default plant (3 % thrust mismatch,
 an IMU within 1°, joints within 0.1°). `error_budget.expected_errors` gives that figure, one
-standard deviation over draws, and `stream_budget` what rotors in streams add; a plant that declares
+standard deviation over draws, `stream_budget` what rotors in streams add, and `linear_response`
+what the air leaves behind a body that moves through it; a plant that declares
 worse hardware, or a model that is wrong, is judged by the same bound and fails. Where ZN23 prints a
 figure, the smaller of the two holds, unless it is below two standard deviations: then it is of a
 platform unlike this one.
@@ -26,9 +27,12 @@ from snakegen.analysis.allocation import allocation
 from snakegen.base.geometry import Floats
 from snakegen.control.controller import Controller
 from snakegen.control.frame import cog_frame
+from snakegen.control.gain_sets import gain_set
+from snakegen.control.gains import Gains
 from snakegen.kernels.control.types import DUAL
 from snakegen.robot.robot import Robot
 from snakegen.simulation.flight.error_budget import expected_errors, position_peak, sources
+from snakegen.simulation.flight.linear_response import drag_errors
 from snakegen.simulation.flight.plan import Plan, farthest
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.stream_budget import stream_errors
@@ -44,6 +48,7 @@ FACTORS: dict[tuple[str, str], tuple[float, float, float]] = {
     ("squeeze", "dual_rotor"): (2.0, 2.5, 2.5),
 }
 AXIS = 3.0  # standard deviations of one axis
+RESPONSE = 1.5  # times the linear response to a known disturbance
 PAPER = 2.0  # standard deviations that a printed figure must allow this body
 MOST = {"position_rmse_m": 0.2, "position_max_m": 0.5, "attitude_rmse_rad": 0.2}
 """m, rad: whatever a body is expected to do, beyond this it is not where it should be."""
@@ -62,7 +67,12 @@ TABLES: dict[tuple[str, str], tuple[str, tuple[float, ...]]] = {
 
 
 def tracking_bounds(
-    robot: Robot, controller: Controller, plan: Plan, mission: str, mode: str
+    robot: Robot,
+    controller: Controller,
+    plan: Plan,
+    mission: str,
+    mode: str,
+    gains: Gains | None = None,
 ) -> dict[str, dict[str, Any] | None]:
     """Returns the thresholds of a flight that follows its references undisturbed.
 
@@ -71,6 +81,7 @@ def tracking_bounds(
         plan: its references.
         mission: name.
         mode: "virtual_single_rotor" or "dual_rotor".
+        gains: of the controller; the robot's own if absent.
     """
     usual = Imperfections()
     parts = (
@@ -79,12 +90,15 @@ def tracking_bounds(
         DITHER,
     )
     expected = np.sqrt(np.sum(np.square(parts), axis=0))
-    axis = AXIS * expected
+    chosen = gain_set(robot) if gains is None else gains
+    drag = RESPONSE * drag_errors(robot, controller, chosen, plan, usual)
+    axis = np.hypot(AXIS * expected, drag)
     paper = np.array(TABLES.get((mission, mode), ("", ()))[1])
     known = slice(len(paper))
     axis[known] = np.minimum(axis[known], np.maximum(paper, PAPER * expected[known]))
     factors = FACTORS.get((mission, mode), FACTORS["", mode])
-    position, attitude = factors[:2] * np.linalg.norm(expected.reshape(2, 3), axis=1)
+    norms = factors[:2] * np.linalg.norm(expected.reshape(2, 3), axis=1)
+    position, attitude = np.hypot(norms, np.linalg.norm(drag.reshape(2, 3), axis=1))
     peak = position_peak(robot, controller, plan, usual)
     place, turn = MOST["position_rmse_m"], MOST["attitude_rmse_rad"]
     bounds = {

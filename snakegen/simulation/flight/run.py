@@ -258,6 +258,7 @@ def prepare(
             plan,
             plan.kind or module.__name__.rsplit(".", 1)[-1],
             _MODES[controller.mode],
+            chosen,
         )
         plan = replace(plan, thresholds=bounds | plan.thresholds)
     imperfections = Imperfections.of(robot.modules.plant)
