@@ -39,8 +39,8 @@ EXAMPLE = "dragon4 --set base=fixed --joint joint1_yaw=0.4"
 _AXES = {f"{sign}{axis}": float(f"{sign}1") * np.eye(3)["xyz".index(axis)]
          for axis in "xyz" for sign in "+-"}  # fmt: skip
 _GRID = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-_WAYS = np.array([v / np.linalg.norm(v) for v in _GRID if v.any()])
-"""Directions of a cube's axes, edges and corners, (26, 3)."""
+_WAYS = np.array([v / np.linalg.norm(v) for v in _GRID if v @ v in (1.0, 3.0)])
+"""Directions of a cube's axes and corners, (14, 3)."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class ReliefResult:
         posture: gimbals along the forces that make the highest share of servo torque least.
         along: by direction, the tip force of servos and thrust together.
         alone: by direction, the tip force of the servos alone [N].
-        corners: (26, 3) N, forces at the tip that servos and thrust bear together, world axes:
-            along the axes, edges and corners of a cube; nan where none is borne.
+        sizes: (14,) N, forces at the tip that servos and thrust bear together along the axes and
+            corners of a cube, world axes; inf without a limit, nan where none is borne.
         apparatuses: their names, with their links.
     """
 
@@ -61,7 +61,7 @@ class ReliefResult:
     posture: RelievedPosture
     along: dict[str, Relieved]
     alone: dict[str, float]
-    corners: Floats
+    sizes: Floats
     apparatuses: tuple[str, ...]
 
     @property
@@ -77,7 +77,13 @@ class ReliefResult:
     @property
     def least(self) -> float:
         """The smallest of the tip forces of all directions [N]; nan: one has none."""
-        return float(np.linalg.norm(self.corners, axis=1).min())
+        return float(self.sizes.min())
+
+    @property
+    def corners(self) -> Floats:
+        """The forces of those directions (c, 3) [N] that have a limit."""
+        limited = np.isfinite(self.sizes)
+        return np.asarray(self.sizes[limited, None] * _WAYS[limited])
 
     @property
     def torque(self) -> Floats:
@@ -108,11 +114,11 @@ class ReliefResult:
             out.append(("not reached", text))
         for name, both in self.along.items():
             alone = _newtons(self.alone[name])
-            most = "" if np.isnan(both.value) else f" (≤ {both.bound:.4g})"
+            most = f" (≤ {both.bound:.4g})" if np.isfinite(both.value) else ""
             text = f"{_newtons(both.value)}{most}, servos alone {alone}"
             out.append((f"tip force {name}", text))
-        text = f"{_newtons(self.least)} at least, of {len(self.corners)}"
-        out.append(("tip force, directions", text))
+        text = f"{_newtons(self.least)}, the least of {len(self.sizes)} directions"
+        out.append(("tip force, all round", text))
         return out
 
     def to_json(self) -> dict[str, Any]:
@@ -126,15 +132,21 @@ class ReliefResult:
             "torque_relieved_Nm": dict(zip(joints, self.torque.tolist(), strict=True)),
             "forces_N": self.relieved.forces.tolist(),
             "thrust_limit_N": self.thrust.limit.tolist(),
-            "tip_force_N": {k: v.value for k, v in self.along.items()},
-            "tip_force_bound_N": {k: v.bound for k, v in self.along.items()},
-            "tip_force_servos_alone_N": self.alone,
+            "tip_force_N": {k: _plain(v.value) for k, v in self.along.items()},
+            "tip_force_bound_N": {k: _plain(v.bound) for k, v in self.along.items()},
+            "tip_force_servos_alone_N": {k: _plain(v) for k, v in self.alone.items()},
             "tip_force_corners_N": self.corners.tolist(),
-            "tip_force_least_N": None if np.isnan(self.least) else self.least,
+            "tip_force_least_N": _plain(self.least),
         }
 
 
+def _plain(force: float) -> float | None:
+    return force if np.isfinite(force) else None
+
+
 def _newtons(force: float) -> str:
+    if np.isinf(force):
+        return "no limit"
     return "none: they cannot hold the posture" if np.isnan(force) else f"{force:.4g} N"
 
 
@@ -176,12 +188,12 @@ def analyze(
     none = replace(reach, relief=0.0 * reach.relief, limit=0.0 * reach.limit)
     at_best = replace(free.thrust, effort=reach.effort + free.swing)
     J = tip_pose(robot, q, find_tip(robot)).jacobian[:3, index]
-    borne = [borne_at_tip(robot, posture.q, g, load_at, J.T @ u) for u in _WAYS]
+    borne = [borne_at_tip(robot, posture.q, load_at, J.T @ u) for u in _WAYS]
     along, alone = {}, {}
     for name, u in _AXES.items():
         k = int(np.argmax(_WAYS @ u))
         along[name] = replace(borne[k], bound=tip_bound(at_best, load + free.shift, J.T @ u))
         alone[name] = tip_force(none, load, J.T @ u).value
-    corners = np.array([one.value for one in borne])[:, None] * _WAYS
+    sizes = np.array([one.value for one in borne])
     names = robot.apparatus_names
-    return ReliefResult(load, posture, along, alone, corners, names)
+    return ReliefResult(load, posture, along, alone, sizes, names)

@@ -26,9 +26,10 @@ from snakegen.statics.thrust_relief import (
 
 LoadAt = Callable[[Floats], Floats]
 AIMED = 1e-3  # rad, that an apparatus may point off its force
-_ROUNDS = 20
+_ROUNDS = 10
 _TIP_ROUNDS = 3
-_SHARES = (0.95, 0.9, 0.8, 0.6, 0.3, 0.0)
+_GAINED = 0.01  # of a force, that another round must promise
+_SHARES = (0.9, 0.7, 0.4, 0.0)
 _CLOSE = 1e-3  # of a thrust limit, by which a force may leave its ball in those rounds
 _STILL = 1e-6  # of a thrust limit, by which forces move in the last round
 _PUSHING = 1e-3  # of a thrust limit: apparatuses with less force need not be aimed
@@ -67,32 +68,44 @@ def relieved_posture(robot: Robot, q: Floats, gravity: Floats, load_at: LoadAt) 
         gravity: (3,) m/s², world.
         load_at: the chain's joint torques (k,) [N m] without thrust in a posture.
     """
-    forces = None
-    for _ in range(_ROUNDS):
-        reach, load = thrust_map(robot, q), load_at(q)
-        best = least_use(reach, load)
-        q, off = along_forces(robot, q, best.forces)
-        moved = np.inf if forces is None else float(np.abs(best.forces - forces).max())
-        forces = best.forces
-        if moved <= _STILL * float(reach.limit.max()):
-            break
+    q, forces, off = _settled(robot, q, load_at, _ROUNDS)
     reach, load = thrust_map(robot, q), load_at(q)
     free = free_gimbals(robot, q, gravity)
     bound = least_use(free.thrust, load + free.shift, free.swing).bound
-    left = np.abs(load - reach.relief @ best.forces.ravel()) / reach.effort
-    return RelievedPosture(q, load, reach, Relieved(float(left.max()), bound, best.forces), off)
+    value = _share(reach, load, forces)
+    return RelievedPosture(q, load, reach, Relieved(value, bound, forces), off)
 
 
-def borne_at_tip(
-    robot: Robot, q: Floats, gravity: Floats, load_at: LoadAt, pull: Floats
-) -> Relieved:
+def _settled(
+    robot: Robot, q: Floats, load_at: LoadAt, rounds: int
+) -> tuple[Floats, Floats, Floats]:
+    """Returns q, the forces (m, 3) [N] along which its gimbals are, and by how much they are off.
+
+    Each round relieves the posture in which the last one ended, until forces move no more.
+    """
+    forces = off = np.full((len(robot.modules.apparatuses), 3), np.inf)
+    for _ in range(rounds):
+        reach, last = thrust_map(robot, q), forces
+        forces = least_use(reach, load_at(q)).forces
+        q, off = along_forces(robot, q, forces)
+        if np.abs(forces - last).max() <= _STILL * reach.limit.max():
+            break
+    return q, forces, off
+
+
+def _share(thrust: ThrustMap, load: Floats, forces: Floats) -> float:
+    """Returns the highest share of a servo's torque that forces (m, 3) leave."""
+    return float(np.max(np.abs(load - thrust.relief @ forces.ravel()) / thrust.effort))
+
+
+def borne_at_tip(robot: Robot, q: Floats, load_at: LoadAt, pull: Floats) -> Relieved:
     """Returns a force at the tip that is borne with gimbals along the forces that bear it.
 
     The best of a few rounds, each checked in its own posture, or else the largest of some shares of
     what they suppose that a relieving posture bears; nan where none bears any.
 
     Args:
-        robot, q, gravity, load_at: as of `relieved_posture`.
+        robot, q, load_at: as of `relieved_posture`.
         pull: (k,) N m per newton at the tip.
     """
     first = found = tip_force(thrust_map(robot, q), load_at(q), pull, _CLOSE)
@@ -105,15 +118,16 @@ def borne_at_tip(
         if (off <= AIMED).all() and not best.value >= value:
             best = Relieved(value, np.inf, forces)
         found = tip_force(thrust_map(robot, q), load_at(q), pull, _CLOSE)
-        if not np.isfinite(found.value):
+        if not np.isfinite(found.value) or found.value <= (1.0 + _GAINED) * best.value:
             break
     if np.isfinite(best.value):
         return best
     for share in _SHARES:
         size = share * first.value
-        posture = relieved_posture(robot, q, gravity, _with_force(load_at, size * pull))
-        if posture.relieved.value <= 1.0 and (posture.off <= AIMED).all():
-            return Relieved(size, np.inf, posture.relieved.forces)
+        with_force = _with_force(load_at, size * pull)
+        q, forces, off = _settled(robot, q, with_force, _TIP_ROUNDS)
+        if _share(thrust_map(robot, q), with_force(q), forces) <= 1.0 and (off <= AIMED).all():
+            return Relieved(size, np.inf, forces)
     return best
 
 

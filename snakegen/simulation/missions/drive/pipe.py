@@ -56,9 +56,9 @@ TAIL = "caster_tail"
 BOUNDS = {
     "distance_excess_m": 0.022,
     "distance_rmse_m": 0.009,
-    "distance_end_m": 0.0054,
+    "distance_end_m": 0.0052,
     "shape_rmse_rad": 0.009,
-    "tilt_max_rad": 0.19,
+    "tilt_max_rad": 0.15,
     "slip_mean_m_s": 0.007,
 }
 """2.5 to 3 medians of ten seeds of `screw4`."""

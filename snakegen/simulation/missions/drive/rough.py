@@ -25,14 +25,14 @@ class Options(DriveOptions):
     """Options of mission `rough`.
 
     Attributes:
-        height: m, of the highest tile; one of ten drives sticks at 6 mm, two at 8 mm
+        height: m, of the highest tile; a quarter of a wheel's radius: one of ten sticks at 5 mm
         size: m, of a tile
         length: m, of the rough stretch
         compliance: 1; pitch servos are softer by this factor
         bend: rad, of every yaw joint: a curled body stands firmer
     """
 
-    height: float = 0.005
+    height: float = 0.003
     size: float = 0.1
     length: float = 1.2
     compliance: float = 10.0
@@ -43,9 +43,9 @@ _AHEAD = 0.2  # m, from the head to the first tile
 _WIDE = 0.6  # m, of the rough stretch
 _CATCH_UP = 12.0  # s after the reference has ended: six time constants of the default gain
 BOUNDS: dict[str, float] = {
-    "distance_end_m": 0.0025,
+    "distance_end_m": 0.0018,
     "shape_rmse_rad": 0.009,
-    "tilt_max_rad": 0.1,
+    "tilt_max_rad": 0.07,
     "slip_mean_m_s": 0.0042,
 }
 """Three medians of ten seeds of `screw4`."""
