@@ -81,16 +81,21 @@ def _settled(
 ) -> tuple[Floats, Floats, Floats]:
     """Returns q, the forces (m, 3) [N] along which its gimbals are, and by how much they are off.
 
-    Each round relieves the posture in which the last one ended, until forces move no more.
+    Each round relieves the posture in which the last one ended, until forces move no more; the
+    round that leaves the least share of a servo's torque is the answer.
     """
-    forces = off = np.full((len(robot.modules.apparatuses), 3), np.inf)
+    forces = np.full((len(robot.modules.apparatuses), 3), np.inf)
+    best: tuple[float, Floats, Floats, Floats] | None = None
     for _ in range(rounds):
         reach, last = thrust_map(robot, q), forces
         forces = least_use(reach, load_at(q)).forces
         q, off = along_forces(robot, q, forces)
+        share = _share(thrust_map(robot, q), load_at(q), forces)
+        if best is None or share < best[0]:
+            best = share, q, forces, off
         if np.abs(forces - last).max() <= _STILL * reach.limit.max():
             break
-    return q, forces, off
+    return (q, forces, forces[:, 0]) if best is None else best[1:]
 
 
 def _share(thrust: ThrustMap, load: Floats, forces: Floats) -> float:
