@@ -12,6 +12,8 @@ from snakegen.base import memory, yaml_file
 from snakegen.base.number_table import read_number_table
 from snakegen.errors import AnalysisError, SnakegenError, SpecError
 from snakegen.linter import lint
+from snakegen.pipeline import build as pipeline
+from snakegen.pipeline.build import build
 from snakegen.robot.robot import load
 from snakegen.spec.payload import locate
 from snakegen.spec.urdf import MAX_BYTES
@@ -111,3 +113,15 @@ def test_a_device_without_an_end_is_refused(call: Any, tmp_path: Path) -> None:
         call(path)
     (found,) = lint.lint(path)
     assert found.code == "unreadable" and "Is a device" in found.message
+
+
+def test_a_chain_of_too_many_joints_is_refused_before_mujoco(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would be compiled for minutes; the folder stays away."""
+    monkeypatch.setattr(pipeline, "MOST_JOINTS", 13)
+    with pytest.raises(SpecError, match=r"dragon4: 14 moving joints; up to 13 are built"):
+        build("dragon4", tmp_path / "out", picture=False)
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr(pipeline, "MOST_JOINTS", 14)
+    assert build("dragon4", tmp_path / "out", picture=False).urdf.is_file()

@@ -3,15 +3,19 @@
 The folder changes whole or not at all: everything is made beside it and renamed.
 """
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from snakegen.base import yaml_file
 from snakegen.base.atomic_io import folder_whole
-from snakegen.errors import DescriptionError, SnakegenError
+from snakegen.errors import DescriptionError, SnakegenError, SpecError
 from snakegen.spec.loading import load_spec
 from snakegen.spec.robot_spec import RobotSpec
+
+MOST_JOINTS = 3000  # moving ones of a robot that is built, so that it takes some two minutes
+_MOVING = re.compile(r'<joint [^>]*type="(?:revolute|continuous|prismatic)"')
 
 
 class GateError(SnakegenError):
@@ -81,6 +85,7 @@ def build(
         resolved = spec.resolved()
         spec_path.write_text(yaml_file.dump(resolved), encoding="utf-8")
         urdf_path, text = _write_urdf(spec_path, spec.name, mesh_uri)
+        refuse_many_joints(text, spec.name)
         made = parts.write_meshes(folder / "meshes", _needed(parts.unit_meshes(), text))
         made |= parts.write_meshes(folder / "meshes", drum_meshes(resolved))
         made |= _payload_mesh(spec, folder)
@@ -101,6 +106,21 @@ def build(
         equivalence,
         (*warnings(spec), *(str(f) for f in found if f.severity == "warning"), *touching),
     )
+
+
+def refuse_many_joints(text: str, name: str) -> None:
+    """Refuses a URDF of more moving joints than a build has time for.
+
+    Raises:
+        SpecError: with their number and what would do.
+    """
+    count = len(_MOVING.findall(text))
+    if count > MOST_JOINTS:
+        raise SpecError(
+            f"{name}: {count:,} moving joints; up to {MOST_JOINTS:,} are built, since MuJoCo takes "
+            "minutes for more (the time grows with their cube). Fewer links, gimbals or wheels "
+            "would do."
+        )
 
 
 def _write_urdf(spec_path: Path, name: str, mesh_uri: str) -> tuple[Path, str]:

@@ -201,7 +201,8 @@ def _trial(
 
     rng = np.random.default_rng([seed, number])
     changed, imperfections, drawn = perturbed(world, ready.imperfections, spread, rng)
-    flown = ready.flown(changed, imperfections, rng, seed, look, margins=False)
+    brief = {"margins": False, "located": False}
+    flown = ready.flown(changed, imperfections, rng, seed, look, **brief)
     checks = flown.verdict.checks if flown.verdict is not None else ()
     off, most = flown.metrics.get("position_max_m"), lost_beyond(ready)
     survived = all(c.passed for c in checks if c.metric in SURVIVED)

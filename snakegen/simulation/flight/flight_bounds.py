@@ -131,17 +131,22 @@ def leaves_at_start(robot: Robot, controller: Controller, plan: Plan) -> bool:
     return bool(np.any(np.array(factors[:2]) * sizes > most))
 
 
-def trim_sigmas(
-    robot: Robot, controller: Controller, plan: Plan, held: dict[str, Any]
-) -> list[float]:
+def usual_accelerations(robot: Robot, controller: Controller, plan: Plan) -> Floats:
+    """Returns what default imperfections ask for in a plan's first posture, (6,) m/s² and rad/s².
+
+    One standard deviation over draws.
+    """
+    usual = sources(robot, controller, plan.joints[0], Imperfections()).acceleration
+    return np.asarray(np.linalg.norm(usual, axis=1))
+
+
+def trim_sigmas(held: dict[str, Any], spread: Floats) -> list[float]:
     """Returns what each integral holds after the trim, (6,) standard deviations; 0 where none.
 
     Args:
-        robot, controller, plan: of the flight.
         held: `trim.found`.
+        spread: `usual_accelerations`.
     """
-    usual = sources(robot, controller, plan.joints[0], Imperfections()).acceleration
-    spread = np.linalg.norm(usual, axis=1)
     values = np.abs([*held["force_integral_m_s2"], *held["torque_integral_rad_s2"]])
     return [float(v / s) if s > 1e-9 else 0.0 for v, s in zip(values, spread, strict=True)]
 
@@ -154,7 +159,7 @@ def stays(plan: Plan) -> bool:
 
 
 def hover_sigmas(
-    robot: Robot, controller: Controller, plan: Plan, wanted: Floats
+    robot: Robot, controller: Controller, plan: Plan, wanted: Floats, spread: Floats
 ) -> list[float] | None:
     """Returns the torque that a flight which stays asks for, (3,) standard deviations.
 
@@ -164,6 +169,7 @@ def hover_sigmas(
     Args:
         robot, controller, plan: of the flight.
         wanted: (T, 3) N m, torque of the control law, CoG axes.
+        spread: `usual_accelerations`.
     """
     if not stays(plan) or len(wanted) * float(plan.time[1] - plan.time[0]) < LEAST:
         return None
@@ -172,9 +178,8 @@ def hover_sigmas(
     a = allocation(robot, plan.start)
     into = frame.axes.T @ base
     torque = np.linalg.solve(into @ a.inertia @ into.T, wanted[len(wanted) // 2 :].mean(axis=0))
-    usual = sources(robot, controller, plan.joints[0], Imperfections()).acceleration
-    spread, values = np.linalg.norm(usual[3:], axis=1), np.abs(torque)
-    return [float(v / s) if s > 1e-9 else 0.0 for v, s in zip(values, spread, strict=True)]
+    pairs = zip(np.abs(torque), spread[3:], strict=True)
+    return [float(v / s) if s > 1e-9 else 0.0 for v, s in pairs]
 
 
 def _rounded(value: Floats | float) -> Any:

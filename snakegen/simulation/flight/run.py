@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from snakegen.base.geometry import Floats
 from snakegen.base.memory import map_large_arrays, trim
 from snakegen.base.sample_store import SampleStore, samples_in
 from snakegen.control.controller import Controller, flight_controller, gain_set
@@ -21,6 +23,7 @@ from snakegen.simulation.flight.flight_bounds import (
     leaves_at_start,
     tracking_bounds,
     trim_sigmas,
+    usual_accelerations,
 )
 from snakegen.simulation.flight.loop import Flown, fly
 from snakegen.simulation.flight.plan import Plan
@@ -37,7 +40,7 @@ from snakegen.simulation.recording.blocks import Behind, Recorder
 from snakegen.simulation.recording.flight_report import flight_report
 from snakegen.simulation.recording.metrics import metrics
 from snakegen.simulation.recording.recording import Recording
-from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS
+from snakegen.simulation.recording.verdict import FLIGHT_THRESHOLDS, verdict
 from snakegen.simulation.recording.worst_place import judged_verdict
 from snakegen.simulation.run_settings import RunSettings
 
@@ -106,6 +109,11 @@ class Ready:
     meta: dict[str, Any]
     damping: Damping = OFF
 
+    @cached_property
+    def usual(self) -> Floats:
+        """What default imperfections ask for at its start, by which a flight's hover is judged."""
+        return usual_accelerations(self.robot, self.controller, self.plan)
+
     def world(self) -> World:
         """Returns the nominal world of its flights."""
         plant = self.imperfections
@@ -126,6 +134,7 @@ class Ready:
         progress: Callable[[int, int], Any] | None = None,
         *,
         margins: bool = True,
+        located: bool = True,
         keep: Callable[[Recording], Any] | None = None,
         folder: str | Path | None = None,
     ) -> Recording:
@@ -138,6 +147,7 @@ class Ready:
             seed: what the log names as such.
             progress: called with ticks flown and ticks in all.
             margins: work out the margins along the run; they cost more than the rest of the log.
+            located: say of each check where it is at its worst.
             keep: called with the recording of each whole second, as soon as it is flown.
             folder: for the samples.
         """
@@ -171,16 +181,17 @@ class Ready:
         if plan.drawn is not None:
             meta["facts"] = meta["facts"] | plan.drawn(noise.thrust_factor, noise.torques)
         if flown.trimmed:
-            held = trim_sigmas(self.robot, self.controller, plan, flown.trimmed)
+            held = trim_sigmas(flown.trimmed, self.usual)
             meta["trim"] = flown.trimmed | {"sigmas": held}
         if plan.tracked:
-            asked = hover_sigmas(self.robot, self.controller, plan, recorder.wanted_torque())
+            torque = recorder.wanted_torque()
+            asked = hover_sigmas(self.robot, self.controller, plan, torque, self.usual)
             if asked is not None:
                 meta["hover_sigmas"] = asked
         if imperfections.link_stiffness > 0 and recorder.bends is not None:
             modes = modal_frequencies(world.model, recorder.bends.start)
             meta["modal_frequencies_hz"] = [round(float(f), 3) for f in modes]
-        return judge(recorder.recording(flown.events, meta), plan)
+        return judge(recorder.recording(flown.events, meta), plan, located=located)
 
     def _fly(
         self,
@@ -307,8 +318,11 @@ def _mode_changes(plan: Plan, ticks: int) -> list[list[Any]]:
     return [[float(plan.time[k]), _MODES[mode[k]]] for k in at]
 
 
-def judge(recording: Recording, plan: Plan) -> Recording:
-    """Returns the recording with its metrics and verdict; a run cut short does not pass."""
+def judge(recording: Recording, plan: Plan, *, located: bool = True) -> Recording:
+    """Returns the recording with its metrics and verdict; a run cut short does not pass.
+
+    `located` checks say where they are at their worst.
+    """
     found = metrics(recording)
     found["completed"] = not recording.meta["stopped"]
     if "trim" in recording.meta:
@@ -318,5 +332,8 @@ def judge(recording: Recording, plan: Plan) -> Recording:
     bounds = {"completed": {"equals": True}} | FLIGHT_THRESHOLDS | plan.thresholds
     if "saturation_share" in bounds and "gimbal_angle_limit_share" in found:
         bounds["gimbal_angle_limit_share"] = bounds["saturation_share"]
+    if not located:
+        kept = {name: bound for name, bound in bounds.items() if bound is not None}
+        return recording.judged(found, verdict(found, kept, recording.recorded))
     judged = recording.judged(found, judged_verdict(recording, found, bounds))
     return replace(judged, report=flight_report(judged))
