@@ -316,3 +316,19 @@ def test_a_lock_on_a_full_disk_leaves_no_file(
     with pytest.raises(SnakegenError, match="No space left"), exclusive(tmp_path / "f.rrd"):
         pass
     assert not list(tmp_path.iterdir())
+
+
+def test_parts_of_killed_processes_are_removed_by_the_next(tmp_path: Path) -> None:
+    """Those of processes that live stay: they will get their name."""
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    dead = tmp_path / f".f.rrd.{ended.pid}.7f00.part"
+    others = [
+        tmp_path / f".f.rrd.{os.getppid()}.7f00.part",
+        tmp_path / f".g.rrd.{ended.pid}.1.part",
+    ]
+    for path in (dead, *others):
+        path.write_bytes(b"half")
+    replace_whole(tmp_path / "f.rrd", lambda beside: beside.write_bytes(b"whole"))
+    assert not dead.exists() and all(path.exists() for path in others)
+    assert (tmp_path / "f.rrd").read_bytes() == b"whole"

@@ -8,7 +8,7 @@ import shutil
 import signal
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Event, Timer, get_ident
 from types import FrameType
@@ -164,6 +164,7 @@ def replace_whole(path: Path, write: Callable[[Path], object], *, sync: bool = F
     with writing(path):
         target = path.resolve()
         target.parent.mkdir(parents=True, exist_ok=True)
+        remove_left_parts(target)
         beside = target.with_name(f".{target.name}.{os.getpid()}.{get_ident():x}.part")
         try:
             write(beside)
@@ -174,6 +175,21 @@ def replace_whole(path: Path, write: Callable[[Path], object], *, sync: bool = F
                 sync_file(target.parent)
         finally:
             beside.unlink(missing_ok=True)
+
+
+def remove_left_parts(target: Path) -> None:
+    """Removes what processes that were killed left of `target`, half-written beside it."""
+    for left in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
+        owner = left.name.removeprefix(f".{target.name}.").split(".")[0]
+        if not owner.isdigit():
+            continue
+        try:
+            os.kill(int(owner), 0)
+        except ProcessLookupError:
+            with suppress(OSError):
+                left.unlink()
+        except (OSError, OverflowError):  # another user's
+            continue
 
 
 def sync_file(path: Path) -> None:

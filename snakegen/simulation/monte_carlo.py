@@ -201,8 +201,7 @@ def _trial(
 
     rng = np.random.default_rng([seed, number])
     changed, imperfections, drawn = perturbed(world, ready.imperfections, spread, rng)
-    brief = {"margins": False, "located": False}
-    flown = ready.flown(changed, imperfections, rng, seed, look, **brief)
+    flown = ready.flown(changed, imperfections, rng, seed, look, margins=False, located=False)
     checks = flown.verdict.checks if flown.verdict is not None else ()
     off, most = flown.metrics.get("position_max_m"), lost_beyond(ready)
     survived = all(c.passed for c in checks if c.metric in SURVIVED)

@@ -101,7 +101,7 @@ def _refusal(error: str) -> str:
 def _options(spec: mujoco.MjSpec) -> None:
     count = len(spec.bodies)
     if count > _MANY:  # MuJoCo's collision stack grows as the square of the bodies
-        spec.memory = _ARENA + 3 * count**2
+        spec.memory = _ARENA + 12 * count**2  # and contacts of all links at once
     spec.compiler.savecompiled = False
     spec.compiler.savecanonical = False
     spec.option.timestep = 0.001
