@@ -34,8 +34,8 @@ def test_words_depend_on_the_space_not_on_its_basis(seed: int) -> None:
     scale = np.repeat([1.0, 1 / lever], 3)[:, None]
     lost = {
         2: ("roll", "yaw"),
-        3: ("yaw", "translation across (+0.00 +0.00 +1.00)"),
-        4: ("roll", "pitch", "translation across (+1.00 +0.00 +0.00)"),
+        3: ("yaw", "translation at right angles to (+0.00 +0.00 +1.00)"),
+        4: ("roll", "pitch", "translation at right angles to (+1.00 +0.00 +0.00)"),
     }
     spaces = {2: [3, 5], 3: [0, 1, 5], 4: [1, 2, 3, 4]}
     for count, rows in spaces.items():

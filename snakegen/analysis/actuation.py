@@ -87,7 +87,7 @@ class Actuation:
         for r in self.ranks:
             values = " ".join(f"{s:.3g}" for s in r.singular_values)
             condition = f"cond {r.condition:.3g}" if np.isfinite(r.condition) else "singular"
-            out.append((f"rank of Q {r.matrix}", f"{r.rank}   σ {values}   {condition}"))
+            out.append((f"rank of Q {r.matrix}", f"{r.rank} of 6   σ {values}   {condition}"))
         for m in self.modes:
             out.append((m.mode, f"{m.value}: {m.sentence}"))
             if not m.agrees:
@@ -259,8 +259,8 @@ def _dual_class(rank: Rank, truncated: Floats, count: int, loss: str) -> ModeCla
         )
     if four:
         sentence = (
-            f"Q_dual has rank {rank.rank}; altitude and attitude are free "
-            f"(σ4 of [f_z; τ] {sigma[-1]:.3g}), {_listed(rank.lost, 'is', 'are')} not"
+            f"Q_dual has rank {rank.rank}; altitude and attitude can be "
+            f"commanded (σ4 of [f_z; τ] {sigma[-1]:.3g}), {'; '.join(rank.lost)} cannot"
         )
         return ModeClass("dual_rotor", "underactuated", sentence, paper, True)
     sentence = (

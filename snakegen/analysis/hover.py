@@ -154,7 +154,7 @@ class Hover:
                       self.thrust_max, self.dual_residual),
             *self._streams(),
             ("power, flight time", self._endurance()),
-            ("moment of λ1 − λ2 on φ servo", self._servo()),
+            ("torque on roll servos", self._servo()),
         ]  # fmt: skip
 
     def _streams(self) -> list[tuple[str, str]]:
@@ -240,8 +240,8 @@ class Hover:
         most = np.abs(self.roll_moment_range[finite])
         effort = self.roll_effort[finite]
         return (
-            f"hover {now.max():.3f} N m, at most {most.max():.2f} N m with one rotor full "
-            f"(servo {effort.min():.2f} N m: {100 * float((most / effort).max()):.0f} %)"
+            f"hover {now.max():.3f} N·m, at most {most.max():.2f} N·m with one of two rotors full "
+            f"(limit {effort.min():.2f} N·m: {100 * float((most / effort).max()):.0f} %)"
         )
 
 

@@ -70,8 +70,9 @@ class Singularity:
             mark = "  (roll nearly without effect)" if g.distance < _WARN_ANGLE else ""
             out.append(
                 (
-                    f"gimbal {g.apparatus}{f' on {g.link}' if g.link else ''} to θ = ±90°",
-                    f"{np.rad2deg(g.distance):.1f}°, roll authority {g.gain:.2f}{mark}",
+                    f"gimbal {g.apparatus}{f' on {g.link}' if g.link else ''}",
+                    f"thrust {np.rad2deg(g.distance):.1f}° from its roll axis (θ = ±90°), "
+                    f"roll authority {g.gain:.2f}{mark}",
                 )
             )
         return out

@@ -78,7 +78,8 @@ def motions(twists: Floats, lever: float, points: Floats) -> tuple[str, ...]:
     shifts = turned[:3, first:]
     if shifts.shape[1] == 2:
         across = np.cross(shifts[:, 0], shifts[:, 1])[:, None]
-        out.append(f"translation across ({components(canonical_basis(across, (2, 1, 0))[:, 0])})")
+        normal = components(canonical_basis(across, (2, 1, 0))[:, 0])
+        out.append(f"translation at right angles to ({normal})")
     elif shifts.shape[1] == 3:
         out.append("every translation")
     elif shifts.shape[1] == 1:

@@ -49,7 +49,7 @@ EXPLANATIONS: dict[str, tuple[tuple[str, str, str], ...]] = {
         (r".*in streams", "A rotor below another has less thrust at the same speed.", _FLIGHTS),
         (r"power.*", "Electric power of hover, and how long the battery lasts.", _FLIGHTS),
         (
-            r"moment of .*",
+            r"torque on roll servos",
             "Unequal rotors twist the roll gimbal's servo by this; beyond its limit it gives in.",
             f"{_THEORY}#a2-allocation",
         ),

@@ -7,7 +7,7 @@ import numpy as np
 
 UNITS = {"force": " N", "torque": " N m", "attitude_altitude": ""}
 OPEN = 0.01  # share by which bounds may differ without a word
-NAMES = {"attitude_altitude": "[f_z; τ]"}
+NAMES = {"attitude_altitude": "lift and torque"}
 LABELS = {
     "exact_thrust": "exact, thrust limits",
     "exact_servo": "exact, servo limits",

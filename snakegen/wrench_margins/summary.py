@@ -11,7 +11,7 @@ from snakegen.wrench_margins.push_margin import LABELS, PushMargins
 
 OUT_OF_REACH = "hover is out of reach"
 _MODES = {"virtual_single_rotor": "virtual-single-rotor", "dual_rotor": "dual-rotor"}
-_NAMES = {"attitude_altitude": "[f_z; τ]"}
+_NAMES = {"attitude_altitude": "lift and torque"}
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Weakest:
 
     value: float  # the lower bound
     bounds: tuple[float, float]  # certified lower and upper; equal where the value is exact
-    direction: tuple[float, ...]  # (6,) N and N m, root-link axes
+    direction: tuple[float, ...]  # (6,) N and N·m, root-link axes
     full: tuple[str, ...]  # at their largest thrust
     idle: tuple[str, ...]  # at their smallest
 
@@ -58,7 +58,7 @@ class Margins:
     failures: tuple[tuple[str, str, float, float, float], ...]
     tolerance: float
     force_scale: float  # N, m g
-    torque_scale: float  # N m, m g times the link length
+    torque_scale: float  # N·m, m g times the link length
     push: dict[str, PushMargins]  # by mode
     mode: str  # that the robot flies in
     allocator: str  # `paper` or `constrained`: whose prediction is named
@@ -100,7 +100,7 @@ class Margins:
                 "scaled parts",
                 "force_scale_N": self.force_scale,
                 "torque_scale_Nm": self.torque_scale,
-                "push": "weakest disturbance on the robot, N and N m, of margin 1: its rotors "
+                "push": "weakest disturbance on the robot, N and N·m, of margin 1: its rotors "
                 "answer it with minus that",
             },
         } | (
@@ -129,9 +129,9 @@ class Margins:
         for mode, sure in self.guaranteed.items():
             out.append((f"guaranteed, {_MODES[mode]}", _sure(sure)))
         for mode, part, w, f, t in self.failures:
-            left = f"wrench {w:.3g}, force {f:.3g} N, torque {t:.3g} N m"
+            left = f"force {f:.3g} N, torque {t:.3g} N·m, 6-D {w:.3g} of the weight"
             if w < 0:
-                left = f"falls: hover is out of reach by {-w:.3g} (scaled)"
+                left = f"falls: hover is out of reach by {-w:.3g} of the weight (6-D)"
             out.append((f"without {part}", f"{_MODES[mode]}: {left}"))
         return out if self.steps is None else out + self.steps.rows()
 
@@ -175,19 +175,19 @@ class Margins:
         if not np.isfinite(j.force[1]):
             return [("  within servo limits", "hover itself overloads a joint")]
         at = f"; there {', '.join(j.joints)} at the limit" if j.joints else ""
-        text = f"force {j.force[0]:.4g} N, torque {j.torque[0]:.4g} N m on {j.link}{at}"
+        text = f"force {j.force[0]:.4g} N, torque {j.torque[0]:.4g} N·m on {j.link}{at}"
         return [("  within servo limits", text)]
 
     def _summary(self, found: dict[str, Weakest], closed: bool) -> str:
         if found["wrench"].value < 0:
-            return f"hover is out of reach by {-found['wrench'].value:.3g} (scaled)"
+            return f"hover is out of reach by {-found['wrench'].value:.3g} of the weight (6-D)"
         parts = [
             f"force {_range(found['force'], 4)} N",
-            f"torque {_range(found['torque'], 4)} N m",
-            f"wrench {_range(found['wrench'], 3)}",
+            f"torque {_range(found['torque'], 4)} N·m",
+            f"6-D {_range(found['wrench'], 3)} of the weight",
         ]
         if "attitude_altitude" in found:
-            parts.append(f"[f_z; τ] {found['attitude_altitude'].value:.3g}")
+            parts.append(f"lift and torque alone {found['attitude_altitude'].value:.3g}")
         return ", ".join(parts) + ("" if closed else f"   ({self._gap(found)})")
 
     def _gap(self, found: dict[str, Weakest]) -> str:
@@ -205,12 +205,12 @@ class Margins:
             return "not defined"
         if self._falls(mode) or not np.isfinite([c["force"], c["torque"]]).all():
             return OUT_OF_REACH
-        return f"force {c['force']:.4g} N, torque {c['torque']:.4g} N m before it saturates"
+        return f"force {c['force']:.4g} N, torque {c['torque']:.4g} N·m before it saturates"
 
 
 def _sure(found: dict[str, float]) -> str:
     """Returns guaranteed margins in words; hover itself may be out of reach with these errors."""
-    units = {"force": " N", "torque": " N m"}
+    units = {"force": " N", "torque": " N·m"}
     parts = [
         f"{_NAMES.get(k, k)} {v:.3g}{units.get(k, '')}"
         for k, v in found.items()
@@ -218,7 +218,7 @@ def _sure(found: dict[str, float]) -> str:
     ]
     if np.isfinite(found["force"]):
         return ", ".join(parts)
-    by = f" by {-found['wrench']:.3g} (scaled)" if found.get("wrench", 0.0) < 0.0 else ""
+    by = f" by {-found['wrench']:.3g} of the weight (6-D)" if found.get("wrench", 0.0) < 0.0 else ""
     return ", ".join([f"{OUT_OF_REACH}{by} with these errors", *parts])
 
 
@@ -233,13 +233,14 @@ def _why(name: str, weakest: Weakest) -> str:
     if not np.isfinite(weakest.direction).all():
         return f"{name}: not defined"
     f, t = weakest.direction[:3], weakest.direction[3:]
-    unit = ("", "") if name in ("force", "torque") else (" N", " N m")
+    unit = ("", "") if name in ("force", "torque") else (" N", " N·m")
     parts = []
     if name in ("force", "wrench", "attitude_altitude") and np.any(f):
-        parts.append(f"force {components(f)}{unit[0]}")
+        parts.append(f"{'' if name == 'force' else 'force '}{components(f)}{unit[0]}")
     if name != "force" and np.any(t):
-        parts.append(f"torque {components(t)}{unit[1]}")
-    where = f"{_NAMES.get(name, name)} weakest along {', '.join(parts)}"
+        parts.append(f"{'' if name == 'torque' else 'torque '}{components(t)}{unit[1]}")
+    what = {"wrench": "6-D margin"} | _NAMES
+    where = f"{what.get(name, name)} weakest along {', '.join(parts)}"
     if not weakest.full and not weakest.idle:
         return f"{where}: no thrust acts that way alone"
     full = f"at full thrust: {', '.join(weakest.full)}" if weakest.full else ""
