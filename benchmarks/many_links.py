@@ -25,7 +25,7 @@ PLACES = {
     "uneven": lambda n: ",".join(f"{k}@{(0.3, 0.7, 0.5)[k % 3]}" for k in range(1, n + 1)),
 }
 THRUSTS = (18.0, 20.0, 25.0, 32.0, 40.0)  # N a rotor, tried where less does not do
-EFFORTS = (10.0, 14.0, 20.0)  # N m, tried where joints are at their limit
+EFFORTS = (10.0, 14.0, 20.0)  # N·m, tried where joints are at their limit
 DUAL = "control.mode=dual_rotor"
 
 
@@ -71,7 +71,7 @@ def attempts(servo: str, effort: float, thrust: float) -> Iterator[tuple[str, li
         yield f"in dual-rotor mode with {push:g} N a rotor", with_(push, effort, DUAL)
     for torque in (e for e in EFFORTS if e > effort):
         for push in [t for t in more if t <= 25.0]:
-            name = f"with {push:g} N a rotor and joints of {torque:g} N m"
+            name = f"with {push:g} N a rotor and joints of {torque:g} N·m"
             yield name, with_(push, torque)
 
 
@@ -92,8 +92,8 @@ def main() -> None:
     """Prints a row a robot."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--links", type=int, nargs="+", default=[2, 3, 4, 6, 8, 12, 16, 24, 32])
-    parser.add_argument("--stiffness", type=float, default=400.0, help="N m/rad, joint servos")
-    parser.add_argument("--effort", type=float, default=7.0, help="N m, joint servos")
+    parser.add_argument("--stiffness", type=float, default=400.0, help="N·m/rad, joint servos")
+    parser.add_argument("--effort", type=float, default=7.0, help="N·m, joint servos")
     parser.add_argument("--thrust", type=float, default=16.0, help="N, a rotor")
     parser.add_argument("--duration", type=float, default=6.0)
     parser.add_argument("--filter", type=float, help="Hz, low-pass on rates; the spec's by default")
@@ -101,7 +101,7 @@ def main() -> None:
     servo = f"stiffness: {given.stiffness}, damping: {given.stiffness / 20}, armature: 0.005"
     servo = f"joint.servo={{{servo}}}"
     more = [] if given.filter is None else [f"control.rate_filter={given.filter}"]
-    named = f"joint servos {given.stiffness:g} N m/rad, {given.effort:g} N m"
+    named = f"joint servos {given.stiffness:g} N·m/rad, {given.effort:g} N·m"
     print(f"gains of Table 5, {named}, {given.thrust:g} N a rotor")
     for name, places in PLACES.items():
         for n in given.links:

@@ -39,7 +39,7 @@ def below_bounds(
     certificate: dict[str, Any] | None,
     seed: int = 0,
 ) -> dict[str, float]:
-    """Returns how far a sample is below its bound, m, N and N m; 0 where none is.
+    """Returns how far a sample is below its bound, m, N and N·m; 0 where none is.
 
     The certificate is that of a plan file. Distances are taken at 10 kHz wherever the samples at
     100 Hz are near enough to the bound for anything in between to be below it.
@@ -118,7 +118,7 @@ class Bodies:
 
 
 def upper_margin(robot: Robot, q: np.ndarray, kind: str, rng: np.random.Generator) -> float:
-    """Returns an upper bound of the force [N] or torque [N m] margin of a posture."""
+    """Returns an upper bound of the force [N] or torque [N·m] margin of a posture."""
     a = allocation(robot, q)
     points, limit = a.thrust_points, np.array(robot.gimbals.limit)
     down = np.asarray(a.hover_wrench)

@@ -118,7 +118,7 @@ def _cell(recording: Recording) -> str:
     """Returns prediction, ratios and what limits one flight."""
     m, found = recording.metrics, recording.meta["facts"]["forecast"]
     wrench = np.array(m["predicted_wrench"])
-    size = f"{np.linalg.norm(wrench[:3]):5.1f} N {np.linalg.norm(wrench[3:]):5.2f} N m"
+    size = f"{np.linalg.norm(wrench[:3]):5.1f} N {np.linalg.norm(wrench[3:]):5.2f} N·m"
     ratios = " ".join(f"{m[key] or np.nan:6.3f}" for key in RATIOS)
     return f"{size} {ratios}{' ' if m['tracking_lost'] else '+'} {' '.join(found['stopped'][:2])}"
 

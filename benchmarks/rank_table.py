@@ -87,7 +87,7 @@ def row(n: int, kind: str) -> Row:
 
 def main() -> None:
     """Prints the table."""
-    print("Ñ posture   Q_dual alt/same/κ=0  Q_force  J_w o=0/37mm  force N  torque N m  wrench")
+    print("Ñ posture   Q_dual alt/same/κ=0  Q_force  J_w o=0/37mm  force N  torque N·m  wrench")
     for n in range(1, 6):
         for kind in ("straight", "planar", "spatial") if n > 1 else ("straight",):
             r = row(n, kind)

@@ -154,7 +154,7 @@ def terrain() -> None:
     """Screw4's own wheels in a duct, in a pipe and over ledges, beside open ground."""
     narrow = load(load_spec("screw4", overrides=["caster.track=0.02"]))
     names = ("distance_rmse_m", "distance_end_m", "screw_torque_max_n_m", "cone_use_mean")
-    print("\nterrain: error of the head RMS and at the end [mm], screw torque [N m], friction use")
+    print("\nterrain: error of the head RMS and at the end [mm], screw torque [N·m], friction use")
     for what, robot, mission, options in (
         ("duct as wide as the body, ceiling pressing", load("screw4"), "gap", {}),
         ("pipe, 1 mm of room", narrow, "pipe", {}),

@@ -227,7 +227,7 @@ def friction() -> None:
     rec = run(robot, "table3", options={"friction": "0.1,0.06"})
     time, rate = rec.time, rec.channel("joint_rate").values
     gap = rec.channel("joint_torque").values - rec.channel("joint_torque_law").values
-    print("\nfriction 0.1 N m static, 0.06 sliding: servos less law [N mm], joints 1 and 12")
+    print("\nfriction 0.1 N·m static, 0.06 sliding: servos less law [N mm], joints 1 and 12")
     for t in (0.25, 0.4, 0.48, 0.49, 0.51, 0.52, 0.6, 0.75):
         k = int(np.argmin(np.abs(time - t)))
         print(f"  t {t:4.2f} s  rate {rate[k, 0]:+.3f} rad/s  ", (1e3 * gap[k, [0, 11]]).round(1))
@@ -256,7 +256,7 @@ def tendons() -> None:
             worst = np.maximum(worst, [miss, found.held.acceleration, found.held.drift])
     print(
         f"\ncables as MuJoCo tendons, {held} of 20 random postures under gravity can be held: "
-        f"torque {worst[0]:.0e} N m off, acceleration {worst[1]:.0e} rad/s², "
+        f"torque {worst[0]:.0e} N·m off, acceleration {worst[1]:.0e} rad/s², "
         f"drift in 1 s {worst[2]:.0e} rad"
     )
 

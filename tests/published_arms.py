@@ -6,10 +6,10 @@ from flat_robots import FlatRobot, X, Z, _pack
 from snakegen.kernels.core.types import Tree
 
 LENGTHS = np.array([0.294, *[0.218] * 5])  # Table 2, m
-INERTIAS = 1e-6 * np.array(  # Table 4, kg m²: two transverse values and the axial one
+INERTIAS = 1e-6 * np.array(  # Table 4, kg·m²: two transverse values and the axial one
     [[6402, 6384, 674], *[[3609, 3567, 554]] * 3, [3570, 3529, 549], [3218, 3195, 539]]
 )
-TABLE_5 = 1e-3 * np.array(  # N m
+TABLE_5 = 1e-3 * np.array(  # N·m
     [
         *(2818.09, 2876.88, 2119.55, 2075.67, 1424.83, 1454.34),
         *(847.05, 829.45, 390.11, 397.99, 90.21, 88.25),

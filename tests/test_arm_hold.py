@@ -32,7 +32,7 @@ def arm():
 
 @pytest.mark.parametrize("force", ["0,0,0", "0,0,-15", "6,-8,4"])
 def test_thrust_leaves_to_the_servos_what_relief_says(arm, force):
-    """MuJoCo's servo torques against the cone program's; 43 N m would load joint 1 without.
+    """MuJoCo's servo torques against the cone program's; 43 N·m would load joint 1 without.
 
     The turned gimbals' own weight counts: without it a joint is 7 % of its limit off.
     """

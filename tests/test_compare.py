@@ -181,7 +181,7 @@ ARM_CHANGES: dict[str, tuple[str, str, str]] = {
     "welded mass": ('<mass value="0.1"/>', '<mass value="0.11"/>', "mass of body 'upper'"),
     "axis": ('xyz="0 1 0"', 'xyz="0 -1 0"', "axis of joint 'shoulder'"),
     "limit": ('upper="2"', 'upper="2.1"', "upper limit of joint 'shoulder'"),
-    "effort": ('effort="20"', 'effort="21"', "effort of joint 'shoulder': 21 N m"),
+    "effort": ('effort="20"', 'effort="21"', "effort of joint 'shoulder': 21 N·m"),
     "damping": ('damping="0.4"', 'damping="0.5"', "damping of joint 'shoulder'"),
     "mimic ratio": ('multiplier="0.5"', 'multiplier="0.6"', "mimic multiplier of joint 'follow'"),
     "mimic offset": ('offset="0.01"', 'offset="0.02"', "mimic offset of joint 'follow'"),

@@ -146,7 +146,7 @@ def test_a_leader_rests_where_its_follower_may(tmp_path: Path) -> None:
 def test_the_default_tip_is_the_last_frame_of_the_chain(
     tmp_path: Path, frames: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """20 N m at the root, less the links' 9.81 (0.25 + 0.75), over a lever of 1 m: 10.19 N."""
+    """20 N·m at the root, less the links' 9.81 (0.25 + 0.75), over a lever of 1 m: 10.19 N."""
     tool = '<link name="{1}"/><joint name="{1}_fix" type="fixed"><parent link="{0}"/>'
     tool += '<child link="{1}"/><origin xyz="{2} 0 0"/></joint>'
     extra = tool.format("fore", "camera", 0.1) + tool.format("fore", "hand", 0.5)

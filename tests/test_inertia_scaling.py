@@ -72,7 +72,7 @@ def test_a_given_inertia_stays_and_is_refused_where_impossible() -> None:
     most = 0.25 * 0.91025 * 0.2**2 + 0.0015
     with pytest.raises(SpecError, match=rf"chain\.inertia.*{most:.4g}"):
         load_spec("dragon4", overrides=["chain.length=0.2", "chain.inertia=[0.0015,0.0198,0.0189]"])
-    with pytest.raises(SpecError, match=r"pitch_inertia: 0\.1 kg m²"):
+    with pytest.raises(SpecError, match=r"pitch_inertia: 0\.1 kg·m²"):
         load_spec("dragon4", overrides=["vectoring_apparatus.pitch_inertia=[0.1,0.01,0.1]"])
     with pytest.raises(SpecError, match=r"screw_drive\.inertia"):
         load_spec("screw4", overrides=["screw_drive.inertia=[0.001,0.05,0.05]"])

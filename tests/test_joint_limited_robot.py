@@ -53,7 +53,7 @@ def test_forces_of_apparatuses_are_the_rotors_in_sum() -> None:
 
 
 def test_the_published_example() -> None:
-    """THEORY A5: four links, planar 60°, 64 N an apparatus, 7 N m joints, root disturbed."""
+    """THEORY A5: four links, planar 60°, 64 N an apparatus, 7 N·m joints, root disturbed."""
     robot = plain_robot(4, offset=0.0)
     q = hover_gimbals(robot, robot.configuration(posture(4, "planar")))
     found = wrench_margin.analyze(robot, q)

@@ -151,7 +151,7 @@ def test_twists_are_the_slopes_of_the_map(dual, start):
     np.testing.assert_allclose(
         stands - angles, np.r_[[3.0 * turn[0]], np.zeros((3, 2))], atol=1e-15
     )
-    # a newton at ±s/2 of the roll axis, on a servo of 100 N m/rad: 1.1 mrad
+    # a newton at ±s/2 of the roll axis, on a servo of 100 N·m/rad: 1.1 mrad
     assert abs(turn[0, 0]) == pytest.approx(0.01 * 0.223 / 2, rel=0.05)
 
 

@@ -190,7 +190,7 @@ def test_a_folded_grasper_touches_itself():
 
 
 def test_an_arm_stays_where_it_was_built(tmp_path):
-    """Servos at 0 for 2 s: nothing pushes but the weight, which sags 2000 N m/rad by 13 mrad."""
+    """Servos at 0 for 2 s: nothing pushes but the weight, which sags 2000 N·m/rad by 13 mrad."""
     model = load_model(snakegen.build("arm6", tmp_path, picture=False).scene)
     data = mujoco.MjData(model)
     while data.time < 2.0:

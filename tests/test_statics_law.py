@@ -333,7 +333,7 @@ def test_grasper_table_1():
 
 
 def table_3_peaks(depth="full"):
-    """Largest |τ| per joint [N m] along Table 3's motion 0.2 sin πt, signs +−+−, no gravity."""
+    """Largest |τ| per joint [N·m] along Table 3's motion 0.2 sin πt, signs +−+−, no gravity."""
     tree = arm6()
     t = np.linspace(0, 2, 801)[:, None]
     q = 0.2 * np.sin(np.pi * t) * SIGNS

@@ -138,7 +138,7 @@ def test_weak_motors_limit_what_grip_allows(screw4):
     pull = [largest_pull(b, downhill(b, "nose_up"), 0.8) for b in (strong, poor)]
     assert pull[1].value < 0.6 * pull[0].value
     assert any(text.startswith("torque of screw") for text in pull[1].at.limits)
-    # each screw carries F r sin α − G (r − r_w) cos α, of 0.2 N m at most
+    # each screw carries F r sin α − G (r − r_w) cos α, of 0.2 N·m at most
     f, g = np.abs(pull[1].at.along), np.abs(pull[1].at.across)
     assert ((0.075 * f - 0.063 * g) * math.sin(math.pi / 4) <= 0.2 + 1e-6).all()
 

@@ -56,7 +56,7 @@ def test_a_planted_fault_is_named_with_its_time(metric, channel, column, part, t
 
 
 def test_two_loaded_servos_the_one_nearer_to_its_own_limit_is_named():
-    """3 of 7 N m at the joint are less than 2 of 3 at a gimbal; the longer stay decides a share."""
+    """3 of 7 N·m at the joint are less than 2 of 3 at a gimbal; the longer stay decides a share."""
     run = changed(flight(), "gimbal_torque", 0, (1.0, 1.2), lambda v: 0 * v + 3.0)
     run = changed(run, "gimbal_torque", 3, (2.0, 3.0), lambda v: 0 * v - 3.0)
     found = check(run, "gimbal_torque_limit_share")
@@ -89,7 +89,7 @@ def test_settled_errors_are_placed_after_their_start_error():
 
 
 def test_a_flight_names_the_joint_that_rests_at_its_limit():
-    """0.3 N m are less than the joints of a changing body need."""
+    """0.3 N·m are less than the joints of a changing body need."""
     from snakegen.robot.robot import load
     from snakegen.spec.loading import load_spec
 

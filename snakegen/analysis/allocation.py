@@ -22,7 +22,7 @@ class Allocation:
     Attributes:
         mass: kg.
         cog: (3,) m, CoG from the root link's origin, root-link axes.
-        inertia: (3, 3) kg m², about the CoG, root-link axes.
+        inertia: (3, 3) kg·m², about the CoG, root-link axes.
         rotor_positions: (n, 3) m, from the CoG.
         rotor_axes: (n, 3) unit thrust directions.
         dual: (6, n) rotor thrusts to wrench, eq 10.

@@ -56,7 +56,7 @@ class BestAttitude:
         return _UNITS.get(name, "scaled")
 
     def to_json(self) -> dict[str, Any]:
-        """Returns plain data for a program; N, N m or scaled, as the margin is."""
+        """Returns plain data for a program; N, N·m or scaled, as the margin is."""
         return {
             "margin": self.margin,
             "unit": self.unit,

@@ -75,7 +75,7 @@ def analyze(
         robot: an arm.
         q: (nq,) posture.
         routing: from `route`; made from the options if absent.
-        torque: (n,) N m of the chain joints; the static ones of gravity and loads if absent.
+        torque: (n,) N·m of the chain joints; the static ones of gravity and loads if absent.
         sizes: ``count radius phase standoff sheathed minimum maximum stiffness elasticity
             friction`` as in the spec's `cables`, in place of those.
 
@@ -181,7 +181,7 @@ class _Case:
         )
 
     def wanted(self, q: Floats) -> Floats:
-        """Returns the static torques (k,) [N m] of weight and loads in posture q (nq,)."""
+        """Returns the static torques (k,) [N·m] of weight and loads in posture q (nq,)."""
         static = joint_torques(self.robot, q, gravity=self.gravity, terms="static")[self.index]
         out = np.asarray(static, float)
         for load in self.loads:
@@ -191,7 +191,7 @@ class _Case:
         return out
 
     def tensions(self, arms: Floats, wanted: Floats) -> tuple[Floats, Floats, str]:
-        """Returns least tensions (c,) [N], the shortage (k,) [N m] and how they were got."""
+        """Returns least tensions (c,) [N], the shortage (k,) [N·m] and how they were got."""
         routing, least, most = self.routing, self.cables.minimum, self.cables.maximum
         ends = np.cumsum([len(g) for g in routing.segments])
         rows = [np.arange(e - len(g), e) for e, g in zip(ends, routing.segments, strict=True)]

@@ -31,9 +31,9 @@ class Hover:
         virtual_thrust: (Ñ,) N, ‖f_j‖ of the least-norm forces, eq 36.
         virtual_residual: as above, of the unlimited least-norm answer.
         thrust_max, apparatus_max: N, limits.
-        roll_moment: (Ñ,) N m, moment of λ1 − λ2 about the roll axis in dual-rotor hover.
-        roll_moment_range: (Ñ,) N m, the same at its largest, one rotor full and one at minimum.
-        roll_effort: (Ñ,) N m, the roll servo's limit, inf where there is no such joint.
+        roll_moment: (Ñ,) N·m, moment of λ1 − λ2 about the roll axis in dual-rotor hover.
+        roll_moment_range: (Ñ,) N·m, the same at its largest, one rotor full and one at minimum.
+        roll_effort: (Ñ,) N·m, the roll servo's limit, inf where there is no such joint.
         weight: N.
         apparatus_min: (Ñ,) N, least thrusts.
         beyond: (name, angle [rad]) of gimbals that eq 36's forces would turn past their limits.
@@ -358,7 +358,7 @@ def _powers(robot: Robot, dual: Floats, virtual: Floats) -> tuple[float, float]:
 
 
 def _roll_moments(robot: Robot, a: Allocation, thrust: Floats) -> tuple[Floats, Floats]:
-    """Returns each roll servo's moment [N m] for `thrust`, and the largest the limits allow."""
+    """Returns each roll servo's moment [N·m] for `thrust`, and the largest the limits allow."""
     rotors, gimbals = robot.rotors, robot.gimbals
     now, most = np.zeros(gimbals.limit.size), np.zeros(gimbals.limit.size)
     for j in range(gimbals.limit.size):

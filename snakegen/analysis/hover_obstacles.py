@@ -63,7 +63,7 @@ class HoverObstacles:
         force, torque = np.array(self.missing[:3]), np.array(self.missing[3:])
         parts = [
             f"{name} {components(v)} {unit}"
-            for name, v, unit in (("force", force, "N"), ("torque", torque, "N m"))
+            for name, v, unit in (("force", force, "N"), ("torque", torque, "N·m"))
             if np.abs(v).max() >= 0.005
         ]
         if parts:

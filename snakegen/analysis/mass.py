@@ -15,7 +15,7 @@ ORDER = 10
 
 @dataclass(frozen=True)
 class Mass:
-    """kg, m, kg m²; root-link axes, CoG from the root link's origin."""
+    """kg, m, kg·m²; root-link axes, CoG from the root link's origin."""
 
     mass: float
     cog: Floats
@@ -38,7 +38,7 @@ class Mass:
         return [
             ("mass", f"{self.mass:.3f} kg{held}"),
             ("CoG from the root link", "{:+.4f} {:+.4f} {:+.4f} m".format(*self.cog)),
-            ("principal inertia", "{:.4f} {:.4f} {:.4f} kg m²".format(*moments)),
+            ("principal inertia", "{:.4f} {:.4f} {:.4f} kg·m²".format(*moments)),
         ]
 
 

@@ -38,10 +38,10 @@ class MotionResult:
         terms: depth that `torque` has.
         gravity: (3,) m/s².
         friction: of every joint; part of `torque`.
-        torque: (m, k) N m that the servos give.
-        limit: (k,) N m, servo limits.
+        torque: (m, k) N·m that the servos give.
+        limit: (k,) N·m, servo limits.
         speed_limit: (k,) rad/s.
-        depth_peaks: (k,) N m by depth, without friction.
+        depth_peaks: (k,) N·m by depth, without friction.
         share: by term, its part of the sum over joints, instants and terms of |torque|.
         table: the file written, "" if none.
         assumed: no motion was asked for; the paper's stands in.
@@ -62,7 +62,7 @@ class MotionResult:
 
     @property
     def peak(self) -> Floats:
-        """Largest |torque| of each joint (k,) N m."""
+        """Largest |torque| of each joint (k,) N·m."""
         return np.asarray(np.abs(self.torque).max(axis=0))
 
     @property
@@ -72,7 +72,7 @@ class MotionResult:
 
     @property
     def rms(self) -> Floats:
-        """Root mean square torque (k,) N m, over time."""
+        """Root mean square torque (k,) N·m, over time."""
         return np.sqrt(_mean(self.along.time, self.torque**2))
 
     @property
@@ -212,7 +212,7 @@ def analyze(
         terms: depth: static, quasi_static (the paper's eq 24) or full
         gravity: m/s², world; none for table3 (the paper's is weightless), else 0,0,-9.81
         wrenches: loads, as in "link4=0,0,-5,0,0,0": [force; torque] at a link, world axes
-        friction: static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own
+        friction: static,sliding of every joint in N·m, as in 0.1,0.06; else the servos' own
         ends: of a table: rest, or free for one that is cut out of a motion
         table: CSV, Parquet or YAML table to write: time, angles, torques, power
 
@@ -259,7 +259,7 @@ def analyze(
 
 
 def write_table(result: MotionResult, path: Path) -> None:
-    """Writes time, angle, torque and power of each joint as a table: s, rad, N m, W."""
+    """Writes time, angle, torque and power of each joint as a table: s, rad, N·m, W."""
     columns = {"time_s": result.along.time}
     for unit, values in (("rad", result.along.angles), ("Nm", result.torque), ("W", result.power)):
         columns |= {f"{n}_{unit}": values[:, k] for k, n in enumerate(result.along.joints)}

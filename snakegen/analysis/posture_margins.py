@@ -89,7 +89,7 @@ class PostureMargins:
         """Returns the largest t for which the rotors can add ``t u`` to hover: the lower bound.
 
         Args:
-            u: (6,) N and N m, root link's axes; need not be a unit vector.
+            u: (6,) N and N·m, root link's axes; need not be a unit vector.
 
         Raises:
             AnalysisError: `u` is zero, not finite or of another shape.
@@ -118,7 +118,7 @@ class PostureMargins:
         if not self.feasible:
             return f"{head}hover is infeasible by {-self.wrench:.3g} (scaled), rank {self.rank})"
         return (
-            f"{head}force {self.force_N:.4g} N, torque {self.torque_Nm:.4g} N m, "
+            f"{head}force {self.force_N:.4g} N, torque {self.torque_Nm:.4g} N·m, "
             f"wrench {self.wrench:.3g}, rank {self.rank}{'' if self.closed else ', bounds differ'})"
         )
 

@@ -48,7 +48,7 @@ class ReliefResult:
     """What thrust does for an arm in a posture.
 
     Attributes:
-        load: (k,) N m of the chain's joints without thrust, gimbals as given.
+        load: (k,) N·m of the chain's joints without thrust, gimbals as given.
         posture: gimbals along the forces that make the highest share of servo torque least.
         along: by direction, the tip force of servos and thrust together.
         alone: by direction, the tip force of the servos alone [N].
@@ -87,7 +87,7 @@ class ReliefResult:
 
     @property
     def torque(self) -> Floats:
-        """Joint torques (k,) [N m] that are left with the relieving thrust."""
+        """Joint torques (k,) [N·m] that are left with the relieving thrust."""
         return self.posture.torque
 
     @property

@@ -44,12 +44,12 @@ class StaticsResult:
         terms: depth that `torque` has.
         support: what carries the weight: ``base``, ``hover``, ``dual`` (as in `Support`) or
             ``thrust``.
-        torque: (n,) N m.
-        limit: (n,) N m, servo limits.
+        torque: (n,) N·m.
+        limit: (n,) N·m, servo limits.
         use: (n,) |torque| / limit.
-        by_term: (n,) N m by term name; the terms that the depth sums, and thrust.
+        by_term: (n,) N·m by term name; the terms that the depth sums, and thrust.
         share: by term, its part of the sum over joints and terms of |torque|.
-        depths: (n,) N m by depth: static, quasi_static, full.
+        depths: (n,) N·m by depth: static, quasi_static, full.
         base: (6,) [force; torque] that the base must be given, root-link axes; zero in balance.
         twist_matrix: (6, n).
         twist_singular_values: of the twist matrix, its rank beside them (tolerance 1e-9 σ1).

@@ -16,7 +16,7 @@ from snakegen.cli.options import (
     print_json,
 )
 
-_UNITS = {"clearance": "m", "self_clearance": "m", "force_margin": "N", "torque_margin": "N m"}
+_UNITS = {"clearance": "m", "self_clearance": "m", "force_margin": "N", "torque_margin": "N·m"}
 
 
 @click.command(context_settings=HELP)

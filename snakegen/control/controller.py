@@ -134,7 +134,7 @@ class LawOptions:
 
     Attributes:
         gimbal_lower, gimbal_upper: rad, one number, (2,) or (Ñ, 2).
-        gimbal_give: rad/(N m), compliance of the gimbal servos.
+        gimbal_give: rad/(N·m), compliance of the gimbal servos.
         axes_body, axes_rotation: body whose axes the CoG frame has, and their rotation in it.
         gyroscopic: whether ω × Iω is cancelled.
         constrained: least norm within limits instead of the pseudo-inverse.
@@ -143,7 +143,7 @@ class LawOptions:
         blend_time: s, of a change of mode.
         gravity: m/s².
         length: m, lever by which torques are scaled.
-        joints, joint_limit: bodies whose servo torque is limited, and to what [N m].
+        joints, joint_limit: bodies whose servo torque is limited, and to what [N·m].
         internal_time: s, time constants of the internal forces' low-pass.
         rate_filter: Hz, of measured rates; 0: none.
     """

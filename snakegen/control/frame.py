@@ -19,7 +19,7 @@ class CogFrame:
         mass: kg.
         cog: (3,) m, world.
         axes: (3, 3) attitude of the frame in the world.
-        inertia: (3, 3) kg m², in the frame's axes.
+        inertia: (3, 3) kg·m², in the frame's axes.
         mounts: (Ñ, 10, 3) gimbal geometry, `kernels.vectoring.mounts`.
         rotors: (n_rotors, 3, 3) rotor rows, likewise.
         scale: (6,) S of THEORY A3.

@@ -25,7 +25,7 @@ class Allocation:
         given: (6,) wrench they make.
         sigma_min: scaled, of J_w or of Q_trunc.
         iterations: Newton steps taken (0 in dual-rotor mode).
-        residual: ‖wanted - given‖ when they ended, before limits [N and N m].
+        residual: ‖wanted - given‖ when they ended, before limits [N and N·m].
     """
 
     thrust: Floats

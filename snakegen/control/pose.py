@@ -54,11 +54,11 @@ def desired_torque(
     integral: Any = (0.0, 0.0, 0.0),
     gyroscopic: bool = True,
 ) -> Floats:
-    """Returns ``I (K_p e_R + K_i ∫e_R + K_d e_ω) + ω × I ω`` (3,) [N m], CoG axes (eqs 17-19).
+    """Returns ``I (K_p e_R + K_i ∫e_R + K_d e_ω) + ω × I ω`` (3,) [N·m], CoG axes (eqs 17-19).
 
     Args:
         gains: K_τ.
-        inertia: (3, 3) kg m², about the CoG, CoG axes.
+        inertia: (3, 3) kg·m², about the CoG, CoG axes.
         rotation, wanted: (3, 3) attitudes of the CoG frame, now and wanted.
         angular: (3,) rad/s, CoG axes.
         wanted_angular: (3,) rad/s, axes of `wanted`.

@@ -18,7 +18,7 @@ def bounded_joints(robot: Robot) -> list[str]:
 
 
 def joint_limits(robot: Robot) -> tuple[list[int], Floats]:
-    """Returns the bodies that `bounded_joints` move, and the torque [N m] to keep to.
+    """Returns the bodies that `bounded_joints` move, and the torque [N·m] to keep to.
 
     A share of the servo's limit is left to follow the motion itself.
     """
@@ -39,7 +39,7 @@ def gimbal_limits(robot: Robot) -> tuple[Floats, Floats]:
 
 
 def give(robot: Robot, names: Sequence[str]) -> Floats:
-    """Returns (k,) rad/(N m) compliance of the servos of joints: 1 over their stiffness.
+    """Returns (k,) rad/(N·m) compliance of the servos of joints: 1 over their stiffness.
 
     0 where there is no servo, or none with a stiffness.
     """
@@ -48,7 +48,7 @@ def give(robot: Robot, names: Sequence[str]) -> Floats:
 
 
 def gimbal_give(robot: Robot) -> Floats:
-    """Returns `give` (Ñ, 2) [rad/(N m)] of the roll and pitch servos; 0 where one is absent."""
+    """Returns `give` (Ñ, 2) [rad/(N·m)] of the roll and pitch servos; 0 where one is absent."""
     out = np.zeros((len(robot.modules.apparatuses), 2))
     for j, a in enumerate(robot.modules.apparatuses):
         for k, name in enumerate((a.roll, a.pitch)):

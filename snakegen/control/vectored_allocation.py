@@ -145,7 +145,7 @@ def refine(
         limit: (Ñ,) N; an apparatus whose limit is 0 is lost and stays out.
         rows: (6,) the scaling S of the wrench.
         steps: most steps.
-        residual: N and N m, where to stop.
+        residual: N and N·m, where to stop.
     """
     n = len(thrust)
     weight = np.repeat([1.0 / (rows[0] * n), 1.0, 1.0], n) * np.tile(limit > 0.0, 3)

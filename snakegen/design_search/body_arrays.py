@@ -46,7 +46,7 @@ class BodyArrays:
 
     @property
     def scale(self) -> tuple[float, float]:
-        """F0 = m g [N] and T0 = m g · mean link length [N m]."""
+        """F0 = m g [N] and T0 = m g · mean link length [N·m]."""
         return self.mass * GRAVITY, self.mass * GRAVITY * self.link_length
 
     @staticmethod

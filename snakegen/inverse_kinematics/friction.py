@@ -16,8 +16,8 @@ class Friction:
     """Dry friction of joints.
 
     Attributes:
-        static: N m, at rest; one value, or (k,) of each joint.
-        sliding: N m, in motion; likewise.
+        static: N·m, at rest; one value, or (k,) of each joint.
+        sliding: N·m, in motion; likewise.
         speed: rad/s, at which static friction has fallen to 1/e of its way to sliding.
         creep: rad/s, below which a joint counts as at rest: there friction grows with the rate.
     """
@@ -33,7 +33,7 @@ class Friction:
         good = np.all(np.isfinite(static)) and np.all((sliding >= 0) & (sliding <= static))
         if not (good and np.isfinite(self.speed) and self.speed > 0 and self.creep > 0):
             raise AnalysisError(
-                f"friction {static},{sliding}: static and sliding friction [N m] "
+                f"friction {static},{sliding}: static and sliding friction [N·m] "
                 "with 0 ≤ sliding ≤ static are needed."
             )
 
@@ -44,11 +44,11 @@ class Friction:
 
     @property
     def highest(self) -> tuple[float, float]:
-        """The largest static and sliding friction of any joint [N m]."""
+        """The largest static and sliding friction of any joint [N·m]."""
         return float(np.max(self.static)), float(np.max(self.sliding))
 
     def bound(self, rate: Floats) -> Floats:
-        """Returns the most that friction can hold at `rate` [rad/s]: N m, of rate's shape.
+        """Returns the most that friction can hold at `rate` [rad/s]: N·m, of rate's shape.
 
         ``F(q̇) = F_sliding + (F_static - F_sliding) exp(-(q̇/v_s)²)``.
         """
@@ -56,14 +56,14 @@ class Friction:
         return np.asarray(self.sliding + (self.static - self.sliding) * fall)
 
     def torque(self, rate: Floats) -> Floats:
-        """Returns what the servo has to add to the law: ``F(q̇) tanh(q̇ / creep)``, N m."""
+        """Returns what the servo has to add to the law: ``F(q̇) tanh(q̇ / creep)``, N·m."""
         return np.tanh(np.asarray(rate) / self.creep) * self.bound(rate)
 
 
 def friction_of(
     given: Friction | ArrayLike | None, robot: Robot | None = None, joints: Sequence[str] = ()
 ) -> Friction:
-    """Returns friction from ``static,sliding`` [N m] or one number for both, else the robot's own.
+    """Returns friction from ``static,sliding`` [N·m] or one number for both, else the robot's own.
 
     Args:
         given: in place of what the robot's servos say (`joint.servo.friction` of a spec).
@@ -88,5 +88,5 @@ def friction_of(
     except (TypeError, ValueError):
         numbers = np.empty(0)
     if numbers.shape not in ((1,), (2,)):
-        raise AnalysisError(f"friction: {given!r}: write static,sliding in N m, as in 0.1,0.06.")
+        raise AnalysisError(f"friction: {given!r}: write static,sliding in N·m, as in 0.1,0.06.")
     return Friction(float(numbers[0]), float(numbers[-1]))

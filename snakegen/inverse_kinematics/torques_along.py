@@ -26,7 +26,7 @@ class Along:
         joints: (k,) the chain's.
         time: (m,) s.
         angles, rates, accelerations: (m, k) rad, rad/s, rad/s².
-        terms: (8, m, k) N m, rows as `kernels.dynamics.TERMS`.
+        terms: (8, m, k) N·m, rows as `kernels.dynamics.TERMS`.
     """
 
     joints: tuple[str, ...]
@@ -37,7 +37,7 @@ class Along:
     terms: Floats
 
     def torque(self, depth: str = "full") -> Floats:
-        """Returns (m, k) N m: the terms that `depth` sums."""
+        """Returns (m, k) N·m: the terms that `depth` sums."""
         return np.asarray(self.terms[list(torque_terms.DEPTHS[depth])].sum(axis=0))
 
     def power(self, depth: str = "full") -> Floats:

@@ -15,7 +15,7 @@ DEFINITE_TOLERANCE = 1e-12
 """Smallest principal moment of inertia, relative to the largest."""
 
 POINT = 1e-6
-"""m; a radius of gyration below this is no body's (MuJoCo refuses moments below 1e-15 kg m²)."""
+"""m; a radius of gyration below this is no body's (MuJoCo refuses moments below 1e-15 kg·m²)."""
 
 FAR = 50.0  # m
 THIN, DENSE = 1.0, 3e4  # kg/m³, of any part
@@ -119,11 +119,11 @@ def tensor_fault(
 
     Args:
         mass: kg, positive.
-        moments: principal moments, ascending, kg m².
-        step: one unit in the last printed digit, kg m²: two of them are forgiven, up to 2 %.
+        moments: principal moments, ascending, kg·m².
+        step: one unit in the last printed digit, kg·m²: two of them are forgiven, up to 2 %.
     """
     low, mid, high = moments
-    shown = f"principal moments {low:.4g}, {mid:.4g}, {high:.4g} kg m²"
+    shown = f"principal moments {low:.4g}, {mid:.4g}, {high:.4g} kg·m²"
     slack = min(2.0 * step, 0.02 * abs(high)) + 1e-12 * abs(high)
     if 0 <= high < mass * POINT**2:
         message = f"{mass:g} kg of radius of gyration {math.sqrt(high / mass):.1e} m"

@@ -211,7 +211,7 @@ _PHYSICS = _tier(
         "gyration_small": (
             "warning",
             "The radius of gyration is below a thousandth of the body.",
-            "Check the units of the inertia: kg m², not g mm².",
+            "Check the units of the inertia: kg·m², not g mm².",
         ),
         "gyration_large": (
             "warning",
@@ -241,7 +241,7 @@ _PHYSICS = _tier(
         "mesh_inertia_small": (
             "warning",
             "The inertia is below a thousandth of that of the link's meshes, filled evenly.",
-            "Check units: kg m², not g mm²; and the scale of the meshes.",
+            "Check units: kg·m², not g mm²; and the scale of the meshes.",
         ),
         "mesh_com_outside": (
             "warning",
@@ -313,7 +313,7 @@ _PHYSICS = _tier(
         ),
         "effort_placeholder": (
             "note",
-            "An effort limit above 100,000 N m is a placeholder.",
+            "An effort limit above 100,000 N·m is a placeholder.",
             "Enter the actuator's torque.",
         ),
         "friction_above_effort": (

@@ -28,7 +28,7 @@ class Composite:
         links: it and all that is welded to it.
         mass: kg, of all.
         centre: (3,) m, centre of mass in the carrier's frame.
-        tensor: (3, 3) kg m², inertia about that centre, in the carrier's axes.
+        tensor: (3, 3) kg·m², inertia about that centre, in the carrier's axes.
         moments: its principal moments, ascending.
     """
 

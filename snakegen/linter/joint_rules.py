@@ -18,7 +18,7 @@ AXIS_TOLERANCE = (1e-6, 1e-3)
 WIDEST = 8.0 * math.pi
 """rad; four turns: limits beyond are degrees, or stand for a continuous joint."""
 
-PLACEHOLDER = 1e5  # N m
+PLACEHOLDER = 1e5  # N·m
 
 
 def joint_faults(robot: Node) -> Iterator[Finding]:

@@ -205,7 +205,7 @@ def _contradictions(link: Node, solid: Solid) -> Iterator[Finding]:
     worst = int(np.argmax(moments / np.maximum(most, 1e-300)))
     if moments[worst] > BEYOND * most[worst]:
         message = (
-            f"a moment of inertia of {moments[worst]:.3g} kg m²; {mass:g} kg inside its meshes "
+            f"a moment of inertia of {moments[worst]:.3g} kg·m²; {mass:g} kg inside its meshes "
             f"have at most {most[worst]:.3g}"
         )
         yield finding("mesh_inertia_large", where, node.line, message)
@@ -213,7 +213,7 @@ def _contradictions(link: Node, solid: Solid) -> Iterator[Finding]:
     even = float(np.linalg.eigvalsh(solid.unit_inertia)[-1]) * density
     if moments[-1] < SMALL * even:
         message = (
-            f"a largest moment of inertia of {moments[-1]:.3g} kg m²; {mass:g} kg that fill its "
+            f"a largest moment of inertia of {moments[-1]:.3g} kg·m²; {mass:g} kg that fill its "
             f"meshes evenly have {even:.3g}"
         )
         yield finding("mesh_inertia_small", where, node.line, message)

@@ -159,12 +159,12 @@ def _servo_constants(at: Actuation) -> Iterator[Pairs]:
             -model.actuator_biasprm[rows, 2],
         ]
     )
-    columns = ("stiffness [N m/rad]", "stiffness of the bias [N m/rad]", "damping [N m s/rad]")
+    columns = ("stiffness [N·m/rad]", "stiffness of the bias [N·m/rad]", "damping [N·m·s/rad]")
     declared = [[s.stiffness, s.stiffness, s.damping] for s in at.servos]
     yield pairs("servo gains", names, columns, declared, gains)
     torque = torque_limits(at)
     forces = _limits(model.actuator_forcelimited, model.actuator_forcerange, rows)
-    bounds = ("lower [N m]", "upper [N m]")
+    bounds = ("lower [N·m]", "upper [N·m]")
     yield pairs("servo torque range", names, bounds, np.column_stack([-torque, torque]), forces)
     angles = joint_limits(at.robot, names)
     commands = _limits(model.actuator_ctrllimited, model.actuator_ctrlrange, rows)
@@ -176,12 +176,12 @@ def _drum_constants(at: Actuation) -> Iterator[Pairs]:
     drums = [s.joint for s in screws]
     rows = at.ids(drums)
     torque = np.array([s.torque for s in screws])
-    columns: Any = ("lower [N m]", "upper [N m]")
+    columns: Any = ("lower [N·m]", "upper [N·m]")
     forces = _limits(model.actuator_forcelimited, model.actuator_forcerange, rows)
     both = np.column_stack([-torque, torque])
     yield pairs("drum torque range", drums, columns, both, forces)
     gain = [s.gain for s in screws]
-    columns = ("gain [N m s/rad]",)
+    columns = ("gain [N·m·s/rad]",)
     yield pairs("drum servo gain", drums, columns, gain, model.actuator_gainprm[rows, 0])
     yield pairs("drum servo damping", drums, columns, gain, -model.actuator_biasprm[rows, 2])
     tangent = [[1.0, -1.0 / np.tan(s.alpha) if at.on_ball(s) else 0.0] for s in screws]
@@ -194,7 +194,7 @@ def _motor_constants(at: Actuation) -> Iterator[Pairs]:
     rows = at.ids(names)
     effort = at.robot.limits(names)[2] if names else np.zeros(0)
     commands = _limits(model.actuator_ctrllimited, model.actuator_ctrlrange, rows)
-    bounds = ("lower [N m]", "upper [N m]")
+    bounds = ("lower [N·m]", "upper [N·m]")
     yield pairs("motor range", names, bounds, np.column_stack([-effort, effort]), commands)
     turned = [
         model.joint(int(model.actuator_trnid[row, 0])).name == n
@@ -205,7 +205,7 @@ def _motor_constants(at: Actuation) -> Iterator[Pairs]:
 
 
 def torque_limits(at: Actuation) -> Floats:
-    """Returns the effort (m,) of each servo's joint [N m], infinite where the URDF has none."""
+    """Returns the effort (m,) of each servo's joint [N·m], infinite where the URDF has none."""
     names = [s.joint for s in at.servos]
     effort = at.robot.limits(names)[2] if names else np.zeros(0)
     return np.where(effort > 0, effort, np.inf)
@@ -231,13 +231,13 @@ def _joint_constants(at: Actuation) -> Iterator[Pairs]:
     rows = [model.joint(n).id for n in held]
     clip = _limits(model.jnt_actfrclimited, model.jnt_actfrcrange, rows)
     free = np.tile([-np.inf, np.inf], (len(held), 1))
-    yield pairs("joint torque range", held, ("lower [N m]", "upper [N m]"), free, clip)
+    yield pairs("joint torque range", held, ("lower [N·m]", "upper [N·m]"), free, clip)
     friction = dict(zip(names, at.of_joints(pin.friction), strict=True))
     friction |= {s.joint: s.friction for s in at.servos}
     for quantity, unit, declared, values in (
-        ("armature", "[kg m²]", at.of_joints(pin.armature), model.dof_armature),
-        ("joint damping", "[N m s/rad]", at.of_joints(pin.damping), model.dof_damping),
-        ("joint friction", "[N m]", [friction[n] for n in names], model.dof_frictionloss),
+        ("armature", "[kg·m²]", at.of_joints(pin.armature), model.dof_armature),
+        ("joint damping", "[N·m·s/rad]", at.of_joints(pin.damping), model.dof_damping),
+        ("joint friction", "[N·m]", [friction[n] for n in names], model.dof_frictionloss),
     ):
         yield pairs(quantity, names, (unit,), declared, values[at.dofs])
         if at.robot.floating:

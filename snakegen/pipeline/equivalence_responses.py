@@ -51,7 +51,7 @@ def _passive(at: Actuation, data: mujoco.MjData, v: Floats) -> Iterator[Pairs]:
     damped = -at.of_joints(at.robot.model.damping) * at.of_joints(v)
     scale = max(1.0, float(np.abs(damped).max(initial=0.0)))
     declared, found = damped / scale, data.qfrc_passive[at.dofs] / scale
-    columns = (f"[{scale:.3g} N m]",)
+    columns = (f"[{scale:.3g} N·m]",)
     yield pairs("spring and damper torque", at.joints, columns, declared, found)
     if at.robot.floating:
         zero = np.zeros(6)
@@ -198,6 +198,6 @@ def _servo_torques(at: Actuation, data: mujoco.MjData) -> Iterator[Pairs]:
         mujoco.mj_fwdActuation(model, data)
         declared = kp * (np.clip(command, low, high) - angle) - kv * rate
         declared = np.clip(declared, -torque, torque)
-        yield pairs("servo torque", names, ("[N m]",), declared, data.actuator_force[rows])
+        yield pairs("servo torque", names, ("[N·m]",), declared, data.actuator_force[rows])
         declared = np.clip(share, -1.0, 1.0) * most
-        yield pairs("drum torque", joints, ("[N m]",), declared, data.actuator_force[turning])
+        yield pairs("drum torque", joints, ("[N·m]",), declared, data.actuator_force[turning])

@@ -12,10 +12,10 @@ from snakegen.pipeline.robot_parts import ActuatorPart, BodyPart, JointPart, Rob
 
 _SMALL = 1e-6  # SI units: smaller values are compared to it
 _PASSIVE = (
-    ("damping", "N m s/rad"),
-    ("friction", "N m"),
-    ("armature", "kg m²"),
-    ("spring stiffness", "N m/rad"),
+    ("damping", "N·m·s/rad"),
+    ("friction", "N·m"),
+    ("armature", "kg·m²"),
+    ("spring stiffness", "N·m/rad"),
 )
 
 
@@ -176,7 +176,7 @@ class Comparison:
                 return
         if np.any(np.isnan(a.effort)) or np.any(np.isnan(b.effort)):
             return
-        unit = "N" if a.kind == "prismatic" else "N m"
+        unit = "N" if a.kind == "prismatic" else "N·m"
         if a.effort[0] == -a.effort[1] and b.effort[0] == -b.effort[1]:
             yield from self._value("joint", name, "effort", a.effort[1], b.effort[1], unit)
             return
@@ -197,7 +197,7 @@ class Comparison:
         floor = max(scale, 1e-9 * total * self.size**2)
         entry = "xyz"[min(i, j)] + "xyz"[max(i, j)]
         error = float(away[i, j]) / floor if floor > 0 else 0.0
-        one, other = (f"{p.inertia[i, j]:.9g} kg m²" for p in (a, b))
+        one, other = (f"{p.inertia[i, j]:.9g} kg·m²" for p in (a, b))
         yield self._differ("body", name, f"inertia i{entry}", one, other, error)
 
     def _actuator(self, name: str, a: ActuatorPart, b: ActuatorPart) -> Iterator[PartDifference]:

@@ -24,7 +24,7 @@ class JointPart:
         axis: (3,) unit direction, zeros for other kinds.
         anchor: (3,) m, a point on the axis.
         limits: (2,) rad or m, infinite where there are none.
-        effort: (2,) N m or N; NaN where the file states none.
+        effort: (2,) N·m or N; NaN where the file states none.
         velocity: rad/s or m/s; NaN where the file cannot state it.
         passive: damping, friction, armature, spring stiffness.
         mimic: leader, multiplier and offset, None for a joint of its own.
@@ -50,7 +50,7 @@ class BodyPart:
         link: the link whose name it goes by.
         mass: kg.
         centre: (3,) m, centre of mass.
-        inertia: (3, 3) kg m² about it.
+        inertia: (3, 3) kg·m² about it.
     """
 
     link: str
@@ -67,7 +67,7 @@ class ActuatorPart:
         target: ``joint <name>``, or ``body <key>`` for a thrust.
         gear: (6,) force and torque per unit, world axes for a thrust.
         point: (3,) m, of a thrust; zeros on a joint.
-        gain: N or N m per unit of command.
+        gain: N or N·m per unit of command.
         bias: (3,) constant, per position, per velocity.
         command: (2,) range, infinite where there is none.
         force: (2,) range, infinite where there is none.
@@ -119,7 +119,7 @@ class Sum:
     second: Floats = field(default_factory=lambda: np.zeros((3, 3)))  # about the world's origin
 
     def add(self, mass: float, centre: Floats, inertia: Floats) -> None:
-        """Adds a part: kg, (3,) m, and (3, 3) kg m² about that centre."""
+        """Adds a part: kg, (3,) m, and (3, 3) kg·m² about that centre."""
         self.mass += mass
         self.moment = self.moment + mass * centre
         self.second = self.second + inertia + mass * spread(centre)

@@ -167,7 +167,7 @@ class PlannedBody:
         return np.array(out)
 
     def margins(self, points: Floats, tolerance: float = 1e-2) -> tuple[Floats, Floats]:
-        """Returns certified lower bounds of force [N] and torque [N m] margins, (m,) each.
+        """Returns certified lower bounds of force [N] and torque [N·m] margins, (m,) each.
 
         Args:
             points: (m, n, 3) m, thrust points from the CoG, world axes.

@@ -80,7 +80,7 @@ class Certificate:
 
     Attributes:
         clearance, self_clearance: m, of the body with gimbals at any angle.
-        force_margin, torque_margin: N, N m, of hover.
+        force_margin, torque_margin: N, N·m, of hover.
         intervals: how many were looked at.
     """
 

@@ -108,11 +108,11 @@ def check_end(body: PlannedBody, end: End, name: str, demands: Demands) -> str:
         why = "lacks thrust" if float(limits.sum()) <= body.weight else "cannot hold all directions"
         return (
             f"{name}: {body.robot.name} {why} there: force margin {force:.3g} N, torque margin "
-            f"{torque:.3g} N m (weight {body.weight:.1f} N, thrust {limits.sum():.1f} N)"
+            f"{torque:.3g} N·m (weight {body.weight:.1f} N, thrust {limits.sum():.1f} N)"
         )
     if force < demands.force_margin or torque < demands.torque_margin:
         return (
-            f"{name}: margins of {force:.3g} N and {torque:.3g} N m are less than the demanded "
-            f"{demands.force_margin:g} N and {demands.torque_margin:g} N m"
+            f"{name}: margins of {force:.3g} N and {torque:.3g} N·m are less than the demanded "
+            f"{demands.force_margin:g} N and {demands.torque_margin:g} N·m"
         )
     return ""

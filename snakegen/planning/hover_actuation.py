@@ -47,7 +47,7 @@ def hover_forces(points: Floats, limits: Floats, wrench: Floats) -> Floats:
     Args:
         points: (m, n, 3) m, thrust points from the CoG.
         limits: (n,) N.
-        wrench: (m, 6) or (6,) N, N m, about the CoG.
+        wrench: (m, 6) or (6,) N, N·m, about the CoG.
     """
     m, n, _ = points.shape
     blocks = np.zeros((m, 6, n, 3))

@@ -24,7 +24,7 @@ class Judgement:
     Attributes:
         poses: (m, 6 + k).
         clearance, own: m, least distances from obstacles and from itself.
-        force, torque: N, N m, least margins.
+        force, torque: N, N·m, least margins.
         miss: m, of the rods from the curve.
         roll: rad, the most that a hovering gimbal rolls while its link is not vertical.
         upright: least cosine of a link's angle with the horizontal.

@@ -72,7 +72,7 @@ class Motion:
             ("clearance", c.clearance.lower, demands.clearance, "m"),
             ("self-clearance", c.self_clearance.lower, 0.0, "m"),
             ("force margin", c.force_margin.lower, demands.force_margin, "N"),
-            ("torque margin", c.torque_margin.lower, demands.torque_margin, "N m"),
+            ("torque margin", c.torque_margin.lower, demands.torque_margin, "N·m"),
             ("clearance over its tracking error", self.tracking.sigmas, demands.tracking_sigmas,
              "standard deviations"),
         )  # fmt: skip
@@ -192,7 +192,7 @@ def look(
             said(
                 f"seed {len(out)}: leader {'tip' if family.tip else 'root'}, radius "
                 f"{family.radius:g} m, lean {family.lean:g} rad, waves of {family.wave:g} m: "
-                f"clearance {1e3 * found.clearance:.0f} mm, torque {found.torque:.2g} N m, worth "
+                f"clearance {1e3 * found.clearance:.0f} mm, torque {found.torque:.2g} N·m, worth "
                 f"{worth:.2f}"
             )
     except KeyboardInterrupt:

@@ -22,7 +22,7 @@ def no_way(scene: Scene, looked: list[tuple[float, Seed, Judgement]]) -> str:
         f"{1e3 * scene.demands.clearance:.0f} mm",
         "self-clearance": f"{1e3 * found.own:.0f} mm between parts of the body",
         "force margin": f"a force margin of {found.force:.3g} N of {scene.demands.force_margin:g}",
-        "torque margin": f"a torque margin of {found.torque:.3g} N m of "
+        "torque margin": f"a torque margin of {found.torque:.3g} N·m of "
         f"{scene.demands.torque_margin:g}",
         "tracking": f"a clearance of {found.cover:.2g} standard deviations of the tracking error "
         f"to expect of {scene.demands.tracking_sigmas:g}",

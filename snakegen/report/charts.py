@@ -118,9 +118,9 @@ def hover_thrust_chart(
 def joint_torque_chart(
     path: str | Path, torques: Array, limits: Array | float, names: Sequence[str]
 ) -> Path:
-    """Bars of joint torques (n,) [N m] inside ± the servos' limits; see `limit_chart`."""
+    """Bars of joint torques (n,) [N·m] inside ± the servos' limits; see `limit_chart`."""
     limits = np.asarray(limits, dtype=float)
-    return limit_chart(path, torques, -limits, limits, names, title="Joint torque", unit="N m")
+    return limit_chart(path, torques, -limits, limits, names, title="Joint torque", unit="N·m")
 
 
 def singular_value_chart(

@@ -128,7 +128,7 @@ def _motion(result: Any, page: Page, path: Path) -> bool:
     from snakegen.report.charts import time_series
 
     curves = dict(zip(page.robot.chain_joints, result.torque.T, strict=False))
-    time_series(path, result.along.time, {"torque [N m]": curves}, title=result.name)
+    time_series(path, result.along.time, {"torque [N·m]": curves}, title=result.name)
     return True
 
 
@@ -140,7 +140,7 @@ def _tip_polytopes(result: Any, page: Page, path: Path) -> bool:
         return False
     force = Set("force at the tip", "N", load.corners, load.force_radius, load.free)
     torque = Set(
-        "torque at the tip", "N m", load.torque_corners, load.torque_radius, load.torque_free
+        "torque at the tip", "N·m", load.torque_corners, load.torque_radius, load.torque_free
     )
     tip_polytope_chart(path, [s for s in (force, torque) if len(s.corners)])
     return True
@@ -153,7 +153,7 @@ _DRAWERS: dict[str, dict[str, _Drawer]] = {
     "hover": {"hover_thrusts": _thrusts},
     "margin": {
         "force_margin": _margin_map(0, "force margin by direction, torque held", "N"),
-        "torque_margin": _margin_map(3, "torque margin by direction, force held", "N m"),
+        "torque_margin": _margin_map(3, "torque margin by direction, force held", "N·m"),
     },
     "statics": {"joint_torques": _joint_torques, "tip_polytopes": _tip_polytopes},
     "motion": {"motion_torques": _motion},

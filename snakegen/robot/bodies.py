@@ -68,7 +68,7 @@ class RobotBodies(ModelFrames):
 
     @property
     def torque_scale(self) -> float:
-        """T0 = m g · mean link length [N m]."""
+        """T0 = m g · mean link length [N·m]."""
         return self.force_scale * self.link_length
 
     @cached_property
@@ -109,7 +109,7 @@ class RobotBodies(ModelFrames):
         return np.array(self.validate_configuration(q).angles)
 
     def limits(self, names: Sequence[str]) -> tuple[Floats, Floats, Floats]:
-        """Returns lower, upper [rad] and effort [N m] of the joints `names`."""
+        """Returns lower, upper [rad] and effort [N·m] of the joints `names`."""
         joints = [self.model.joints[self.model.getJointId(n)] for n in names]
         free = [j.nq == 2 for j in joints]
         low = [self.model.lowerPositionLimit[j.idx_q] for j in joints]

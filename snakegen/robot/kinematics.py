@@ -61,7 +61,7 @@ def mass_properties(tree: Tree, rotation: Floats, position: Floats) -> tuple[flo
         position: (n, 3) m, body origins.
 
     Returns:
-        mass [kg], cog (3,) [m], inertia (3, 3) [kg m²]; world axes.
+        mass [kg], cog (3,) [m], inertia (3, 3) [kg·m²]; world axes.
     """
     mass, cog = centre_of_gravity(tree, rotation, position)
     d = _centres(tree, rotation, position) - cog

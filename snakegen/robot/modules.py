@@ -24,7 +24,7 @@ class Rotor:
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
     lag: float = 0.035  # s, first order
     diameter: float = 0.1  # m
-    inertia: float = 0.0  # kg m², of the spinning part about its axis
+    inertia: float = 0.0  # kg·m², of the spinning part about its axis
     speed: float = 3500.0  # rad/s at thrust_max
     spin: float = 0.0  # +1 counter-clockwise about `axis`, -1, or 0: as the drag ratio says
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, of its disc's centre
@@ -65,9 +65,9 @@ class Screw:
     wheel_radius: float = 0.012  # m
     rollers: str = "ring_sphere"  # contact representation, one of wheel_layout.ROLLERS
     friction: float = 0.8
-    torque: float = 10.0  # N m
-    gain: float = 10.0  # N m s/rad, of the velocity servo
-    armature: float = 0.02  # kg m²
+    torque: float = 10.0  # N·m
+    gain: float = 10.0  # N·m·s/rad, of the velocity servo
+    armature: float = 0.02  # kg·m²
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,10 @@ class Servo:
     """A position servo on a joint."""
 
     joint: str
-    stiffness: float = 200.0  # N m/rad
-    damping: float = 10.0  # N m s/rad
-    armature: float = 0.0  # kg m²
-    friction: float = 0.0  # N m
+    stiffness: float = 200.0  # N·m/rad
+    damping: float = 10.0  # N·m·s/rad
+    armature: float = 0.0  # kg·m²
+    friction: float = 0.0  # N·m
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from snakegen.spec.plant import Plant, Uncertainty
 
 FIELDS = ("floating_root", "link_length", "apparatuses", "servos", "control", "plant")
 _MOST = 2000  # entries of a list
-_ARMATURE = 0.005  # kg m², of a servo that the file says nothing about (assumed)
+_ARMATURE = 0.005  # kg·m², of a servo that the file says nothing about (assumed)
 
 
 def from_file(path: Path, root: str) -> Modules:

@@ -29,7 +29,7 @@ MEANINGS = {
     "axis": "direction of thrust in the link's axes",
     "lag": "s, time constant of the motor",
     "diameter": "m",
-    "inertia": "kg m², of the spinning part about its axis",
+    "inertia": "kg·m², of the spinning part about its axis",
     "speed": "rad/s at thrust_max",
     "spin": "+1 counter-clockwise about the axis, -1, or 0: as the drag ratio says",
     "position": "m, where the thrust acts, in the link's axes",
@@ -37,10 +37,10 @@ MEANINGS = {
     "stream_efficiency": "share of its still-air thrust that it keeps in the streams of the other "
     "rotors of its body; 0: by momentum theory",
     "joint": "joint that the servo holds",
-    "stiffness": "N m/rad",
-    "damping": "N m s/rad",
-    "armature": "kg m²",
-    "friction": "N m",
+    "stiffness": "N·m/rad",
+    "damping": "N·m·s/rad",
+    "armature": "kg·m²",
+    "friction": "N·m",
 }
 
 

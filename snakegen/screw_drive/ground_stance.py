@@ -43,8 +43,8 @@ class Stance:
         rotation: (3, 3) attitude of the base.
         angles: (n,) of all joints.
         joints: names of the held joints: servos of the chain, then screws.
-        stiffness: (m,) N m/rad of the held joints; inf: a screw.
-        effort: (m,) N m.
+        stiffness: (m,) N·m/rad of the held joints; inf: a screw.
+        effort: (m,) N·m.
         contacts: k points.
         normal, along: (k, 6 + m) velocity of each contact along z and along its axle.
         gravity: (6 + m, 3) generalized force of a gravity vector [m/s²].

@@ -19,7 +19,7 @@ from snakegen.screw_drive.ground_stance import COMPLIANCE, Stance
 Mask = NDArray[np.bool_]
 Stops = NDArray[np.int64]
 _UPRIGHT = (2, 3, 4)  # z, roll, pitch of the base twist: what normal forces hold
-_LIMP = 1e-3  # N m/rad of a joint within its play
+_LIMP = 1e-3  # N·m/rad of a joint within its play
 _ROUNDS = 60
 
 

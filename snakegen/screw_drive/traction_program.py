@@ -34,7 +34,7 @@ class HeldLoad:
         certified: bound of t by weak duality, t ≤ certified up to rounding.
         normal: (k,) N of each contact.
         along, across: (k,) N along the axles and across them.
-        torque: (m,) N m of the held joints.
+        torque: (m,) N·m of the held joints.
         limits: names of what limits it: "friction of screw2", "lift of caster1 left" …
     """
 

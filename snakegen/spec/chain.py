@@ -34,7 +34,7 @@ class Chain(Part):
     wall: Positive | list[Positive] | None = Field(None, description="m; solid if absent")
     com: Fraction | list[Fraction] = Field(0.5, description="centre of mass along the link, 0…1")
     inertia: Diagonal | list[Diagonal] | None = Field(
-        None, description="kg m², Ixx Iyy Izz about the centre of mass; from rod and mass if absent"
+        None, description="kg·m², Ixx Iyy Izz about the centre of mass; from rod and mass if absent"
     )
 
 
@@ -62,11 +62,11 @@ class Joint(Part):
         "else no body",
     )
     inertia: Diagonal | list[Diagonal | None] | None = Field(
-        None, description="kg m², of that body; of a box if absent"
+        None, description="kg·m², of that body; of a box if absent"
     )
     lower: Real | list[Real] | None = Field(None, description="rad; -upper if absent")
     upper: Real | list[Real] = Field(1.5707963267948966, description="rad")
-    effort: Positive | list[Positive] = Field(7.0, description="N m, servo limit")
+    effort: Positive | list[Positive] = Field(7.0, description="N·m, servo limit")
     velocity: Positive | list[Positive] = Field(1.0, description="rad/s, servo limit")
     servo: Servo = Field(Servo(), description="the servo of every axis")
 

@@ -10,26 +10,26 @@ SERVO_DENSITY = 1260.0  # kg/m³, of the cross of DRAGON with its two servos
 
 
 def cylinder(mass: float, radius: float, length: float) -> Diagonal:
-    """Returns (Ixx, Iyy, Izz) [kg m²] of a solid cylinder along x; `radius`, `length` in m."""
+    """Returns (Ixx, Iyy, Izz) [kg·m²] of a solid cylinder along x; `radius`, `length` in m."""
     across = mass * (3.0 * radius**2 + length**2) / 12.0
     return 0.5 * mass * radius**2, across, across
 
 
 def tube(mass: float, radius: float, wall: float, length: float) -> Diagonal:
-    """Returns (Ixx, Iyy, Izz) [kg m²] of a tube along x: outer `radius`, thickness `wall` in m."""
+    """Returns (Ixx, Iyy, Izz) [kg·m²] of a tube along x: outer `radius`, thickness `wall` in m."""
     squares = radius**2 + max(radius - wall, 0.0) ** 2
     across = mass * (3.0 * squares + length**2) / 12.0
     return 0.5 * mass * squares, across, across
 
 
 def box(mass: float, size: tuple[float, float, float]) -> Diagonal:
-    """Returns (Ixx, Iyy, Izz) [kg m²] of a solid box of edges `size` [m] along x, y, z."""
+    """Returns (Ixx, Iyy, Izz) [kg·m²] of a solid box of edges `size` [m] along x, y, z."""
     x, y, z = (s * s for s in size)
     return mass * (y + z) / 12.0, mass * (x + z) / 12.0, mass * (x + y) / 12.0
 
 
 def joint_cross(mass: float, gap: float, radius: float) -> Diagonal:
-    """Returns (Ixx, Iyy, Izz) [kg m²] of a two-axis joint's cross, filled evenly.
+    """Returns (Ixx, Iyy, Izz) [kg·m²] of a two-axis joint's cross, filled evenly.
 
     As templates/parts/joint.xacro shows it: a web along x, and across each end a drum with a
     thinner axle through it, one along y, one along z. Its pins reach 15 mm beyond axes `gap` [m]
@@ -51,7 +51,7 @@ def joint_cross(mass: float, gap: float, radius: float) -> Diagonal:
 
 
 def sphere(mass: float, radius: float) -> Diagonal:
-    """Returns (Ixx, Iyy, Izz) [kg m²] of a solid sphere."""
+    """Returns (Ixx, Iyy, Izz) [kg·m²] of a solid sphere."""
     one = 0.4 * mass * radius**2
     return one, one, one
 
@@ -63,7 +63,7 @@ def obeys_triangle(diagonal: Diagonal, tolerance: float = 1e-9) -> bool:
 
 
 def principal(moments: Sequence[float]) -> Diagonal:
-    """Returns the principal moments of Ixx Iyy Izz, or of Ixx Iyy Izz Ixy Ixz Iyz [kg m²]."""
+    """Returns the principal moments of Ixx Iyy Izz, or of Ixx Iyy Izz Ixy Ixz Iyz [kg·m²]."""
     if len(moments) == 3:
         return moments[0], moments[1], moments[2]
     xx, yy, zz, xy, xz, yz = moments

@@ -22,7 +22,7 @@ def refuse_excess(resolved: dict[str, Any]) -> None:
         most = spread + axial
         if max(moments) > most * (1.0 + 1e-9):
             raise ValueError(
-                f"{field}: {max(moments):.4g} kg m² is more than a body of that mass and length "
+                f"{field}: {max(moments):.4g} kg·m² is more than a body of that mass and length "
                 f"can have ({body}: {most:.4g})"
             )
 

@@ -21,10 +21,10 @@ from snakegen.spec.fields import (
 class Servo(Part):
     """A position servo as the simulator sees it."""
 
-    stiffness: Positive = Field(200.0, description="N m/rad")
-    damping: NonNegative = Field(10.0, description="N m s/rad")
-    armature: NonNegative = Field(0.005, description="kg m², reflected rotor inertia")
-    friction: NonNegative = Field(0.0, description="N m, dry friction of the joint")
+    stiffness: Positive = Field(200.0, description="N·m/rad")
+    damping: NonNegative = Field(10.0, description="N·m·s/rad")
+    armature: NonNegative = Field(0.005, description="kg·m², reflected rotor inertia")
+    friction: NonNegative = Field(0.0, description="N·m, dry friction of the joint")
 
 
 class VectoringApparatus(Part):
@@ -48,22 +48,22 @@ class VectoringApparatus(Part):
     )
     roll_limit: Positive | list[Positive] = Field(3.14159265, description="rad, |φ|")
     pitch_limit: Positive | list[Positive] = Field(3.14159265, description="rad, |θ|")
-    effort: Positive | list[Positive] = Field(3.0, description="N m, both gimbal servos")
+    effort: Positive | list[Positive] = Field(3.0, description="N·m, both gimbal servos")
     velocity: Positive | list[Positive] = Field(12.5, description="rad/s, both gimbal servos")
     servo: Servo = Field(
         Servo(stiffness=100.0, damping=2.1, armature=0.005), description="of both gimbals"
     )
     roll_mass: Positive | list[Positive] = Field(0.46, description="kg, module on the roll axis")
     roll_inertia: Diagonal | list[Diagonal] | None = Field(
-        None, description="kg m², Ixx Iyy Izz on the roll axis; of a box if absent"
+        None, description="kg·m², Ixx Iyy Izz on the roll axis; of a box if absent"
     )
     pitch_mass: Positive | list[Positive] = Field(0.53, description="kg, module with the rotors")
     pitch_inertia: Diagonal | list[Diagonal] | None = Field(
-        None, description="kg m², Ixx Iyy Izz on the pitch axis; of a box if absent"
+        None, description="kg·m², Ixx Iyy Izz on the pitch axis; of a box if absent"
     )
     rotor_diameter: Positive | list[Positive] = Field(0.07, description="m")
     rotor_inertia: NonNegative | list[NonNegative] = Field(
-        1.5e-5, description="kg m², of one spinning rotor about its axis (assumed)"
+        1.5e-5, description="kg·m², of one spinning rotor about its axis (assumed)"
     )
     rotor_speed: Positive | list[Positive] = Field(
         3500.0, description="rad/s at thrust_max (assumed); speed grows as the root of thrust"
@@ -127,13 +127,13 @@ class ScrewDrive(Part):
         description="wheels on their blades, or in one ring; ball: one for all, in the MJCF alone",
     )
     mass: Positive | list[Positive] = Field(0.7, description="kg, of a drum without wheels")
-    inertia: Diagonal | list[Diagonal] | None = Field(None, description="kg m², of the drum")
+    inertia: Diagonal | list[Diagonal] | None = Field(None, description="kg·m², of the drum")
     wheel_mass: Positive = Field(0.00625, description="kg, of one wheel")
     friction: Positive = Field(0.8, description="of the wheels on the ground (assumed)")
-    effort: Positive = Field(10.0, description="N m, of a screw's motor")
+    effort: Positive = Field(10.0, description="N·m, of a screw's motor")
     velocity: Positive = Field(10.0, description="rad/s, of a screw's motor")
-    gain: Positive = Field(10.0, description="N m s/rad, of its rate servo")
-    armature: NonNegative = Field(0.02, description="kg m², of motor and gear")
+    gain: Positive = Field(10.0, description="N·m·s/rad, of its rate servo")
+    armature: NonNegative = Field(0.02, description="kg·m², of motor and gear")
     alpha: list[Real] | None = Field(None, description="rad, signed; worked out by `build`")
     wheels: list[Wheels] | None = Field(None, description="worked out by `build`")
 
@@ -158,7 +158,7 @@ class Caster(Part):
     radius: Positive | list[Positive] = Field(0.012, description="m, of a ball (assumed)")
     mass: Positive | list[Positive] = Field(0.05, description="kg (assumed)")
     inertia: Diagonal | list[Diagonal] | None = Field(
-        None, description="kg m², Ixx Iyy Izz; of the balls if absent"
+        None, description="kg·m², Ixx Iyy Izz; of the balls if absent"
     )
 
 
@@ -177,7 +177,7 @@ class Payload(Part):
     )
     inertia: Diagonal | Moments | list[Diagonal | Moments] | None = Field(
         None,
-        description="kg m², Ixx Iyy Izz, or these with Ixy Ixz Iyz, about the centre of mass; "
+        description="kg·m², Ixx Iyy Izz, or these with Ixy Ixz Iyz, about the centre of mass; "
         "from the sphere or the mesh if absent",
     )
     box_size: Diagonal | None = Field(

@@ -16,7 +16,7 @@ class Filled(NamedTuple):
     """A filled mesh of mass 1 kg."""
 
     com: Triple  # m, mesh axes
-    inertia: tuple[float, ...]  # m² (kg m² a kg), Ixx Iyy Izz Ixy Ixz Iyz about the centre of mass
+    inertia: tuple[float, ...]  # m² (kg·m² a kg), Ixx Iyy Izz Ixy Ixz Iyz about the centre of mass
     box_size: Triple  # m, of its bounding box
     box_centre: Triple  # m
 

@@ -95,7 +95,7 @@ class Plant(Part):
         0.00175, description="rad, standard deviation of a joint's offset (0.1°, assumed)"
     )
     torque_noise: NonNegative = Field(
-        0.1, description="N m, standard deviation of the offset of a servo's torque (assumed)"
+        0.1, description="N·m, standard deviation of the offset of a servo's torque (assumed)"
     )
     imu_rate: NonNegative = Field(
         500.0, description="Hz, of attitude and angular rate (assumed); 0: at every physics step"
@@ -129,7 +129,7 @@ class Plant(Part):
     )
     link_stiffness: NonNegative = Field(
         0.0,
-        description="N m/rad, EI/L of a bending link; 0: rigid. A 25 x 1 mm CFRP tube: 1300",
+        description="N·m/rad, EI/L of a bending link; 0: rigid. A 25 x 1 mm CFRP tube: 1300",
     )
     link_damping: NonNegative = Field(
         0.0002, description="s, over stiffness: 2 % of critical at 30 Hz (assumed)"

@@ -37,7 +37,7 @@ def _scaled(spec: RobotSpec, resolved: dict[str, Any]) -> list[str]:
         section, name = field.split(".")
         first = next(row for row in resolved[section][name] if row is not None)
         row = ", ".join(f"{x:.4g}" for x in first)
-        out.append(f"{field}: scaled with mass and size of that body, to [{row}] kg m²")
+        out.append(f"{field}: scaled with mass and size of that body, to [{row}] kg·m²")
     return out
 
 

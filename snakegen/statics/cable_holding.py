@@ -20,8 +20,8 @@ class Stiffness:
 
     Attributes:
         arms: (k, c) m, torque over the tension at the winch.
-        elastic: (k, k) N m/rad, of cables and winches, all cables taut.
-        loads: (k, k) N m/rad, of weight and loads.
+        elastic: (k, k) N·m/rad, of cables and winches, all cables taut.
+        loads: (k, k) N·m/rad, of weight and loads.
         tension: (c, k, k) m, of a tension of 1 N in each cable.
         cable: (c,) N/m, of each cable with its winch.
     """
@@ -33,7 +33,7 @@ class Stiffness:
     cable: Floats
 
     def matrix(self, tension: Floats) -> Floats:
-        """Returns K (k, k) [N m/rad] at `tension` (c,) N; a slack cable adds no elasticity."""
+        """Returns K (k, k) [N·m/rad] at `tension` (c,) N; a slack cable adds no elasticity."""
         slack = tension <= 0.0
         elastic = self.elastic
         if np.any(slack):
@@ -43,7 +43,7 @@ class Stiffness:
         return np.asarray(elastic + self.loads + 0.5 * (bent + bent.T))
 
     def softest(self, tension: Floats) -> tuple[float, Floats]:
-        """Returns the least eigenvalue of K [N m/rad] and its unit direction (k,).
+        """Returns the least eigenvalue of K [N·m/rad] and its unit direction (k,).
 
         Of an eigenvalue that several directions share, the one nearest to a joint's axis.
         """
@@ -55,7 +55,7 @@ class Stiffness:
 
     @property
     def threshold(self) -> float:
-        """The least eigenvalue [N m/rad] with which a posture counts as held."""
+        """The least eigenvalue [N·m/rad] with which a posture counts as held."""
         return _LEAST * float(np.linalg.eigvalsh(self.elastic)[-1])
 
 
@@ -108,9 +108,9 @@ def least_holding_tension(
 
     Args:
         stiffness: of the posture.
-        torque: (k,) N m, wanted of the cables.
+        torque: (k,) N·m, wanted of the cables.
         minimum, maximum: N; minimum above 0, or cables go slack.
-        margin: N m/rad, the least eigenvalue asked for.
+        margin: N·m/rad, the least eigenvalue asked for.
     """
     from scipy.optimize import linprog
 
@@ -153,7 +153,7 @@ def holding_limit(
 
     Args:
         stiffness: of the posture.
-        torque: (k,) N m, wanted of the cables.
+        torque: (k,) N·m, wanted of the cables.
         minimum, maximum: N, as asked for.
         steps: of the bisection.
     """

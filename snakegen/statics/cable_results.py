@@ -16,11 +16,11 @@ class CableMotion:
     Attributes:
         name: of the motion.
         time: (m,) s.
-        least: (m,) N m/rad, least eigenvalue of the stiffness.
+        least: (m,) N·m/rad, least eigenvalue of the stiffness.
         tension: (m,) N, the highest.
         balanced: (m,) whether tensions balance the loads.
         softest: the joint that bends most in the softest direction of the worst instant.
-        threshold: N m/rad, above which a posture counts as held.
+        threshold: N·m/rad, above which a posture counts as held.
     """
 
     name: str
@@ -71,16 +71,16 @@ class CablesResult:
         length: (c,) m, along the holes.
         joints: (n,) chain joints.
         arms: (n, c) m, ``A = -(∂l/∂θ)ᵀ``.
-        torque: (n,) N m, wanted of the cables.
-        shortage: (n,) N m, what they leave; all zero where the posture is balanced.
+        torque: (n,) N·m, wanted of the cables.
+        shortage: (n,) N·m, what they leave; all zero where the posture is balanced.
         method: ``back-substitution`` or, where that fails, ``all segments at once``.
         why: one sentence.
         routing: what `route` was given, its keys with units, and whether all of it is assumed;
             empty for a routing of one's own.
-        stiffness: (n, n) N m/rad, of the joints.
-        least: N m/rad, its least eigenvalue.
+        stiffness: (n, n) N·m/rad, of the joints.
+        least: N·m/rad, its least eigenvalue.
         softest: (n,) unit direction of that, chain joints.
-        threshold: N m/rad, above which the posture counts as held.
+        threshold: N·m/rad, above which the posture counts as held.
         holding: (c,) N, tensions of least sum that balance and hold; None where none do.
         limit: N, the highest least tension at which some tensions still hold; nan if none does.
         along: how stiff a motion is, where one was given.
@@ -218,7 +218,7 @@ def _still(held: Held) -> bool:
 
 
 def balanced(shortage: Floats, torque: Floats) -> bool:
-    """Tells whether what is left of torques (k,) [N m] is the solver's rounding only."""
+    """Tells whether what is left of torques (k,) [N·m] is the solver's rounding only."""
     return bool(np.max(np.abs(shortage)) <= 1e-7 * max(1.0, float(np.max(np.abs(torque)))))
 
 

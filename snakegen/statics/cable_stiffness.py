@@ -24,7 +24,7 @@ class PointLoad:
         body: that it acts on.
         point: (3,) m, in the body's frame.
         force: (3,) N.
-        moment: (3,) N m.
+        moment: (3,) N·m.
     """
 
     body: int
@@ -186,7 +186,7 @@ def cable_geometry(
 def load_stiffness(
     robot: Robot, chain: Chain, gravity: Floats, loads: tuple[PointLoad, ...], joints: Ints
 ) -> Floats:
-    """Returns what weight and loads add to the stiffness (k, k) [N m/rad], its symmetric part.
+    """Returns what weight and loads add to the stiffness (k, k) [N·m/rad], its symmetric part.
 
     Args:
         robot: whose bodies weigh.

@@ -22,8 +22,8 @@ class JointLoads:
 
     Attributes:
         names: (k,) joints.
-        limit: (k,) N m, servo limits.
-        bias: (k,) N m, torque that holds the body against gravity alone.
+        limit: (k,) N·m, servo limits.
+        bias: (k,) N·m, torque that holds the body against gravity alone.
         rotors: (k, n) m, torque per newton of each rotor, gimbals as in q.
         forces: (k, Ñ, 3) m, torque per newton of each apparatus' force and of the drag along it,
             root-link axes.

@@ -59,7 +59,7 @@ def joint_torques(
     """Returns the generalised forces (nv,) that balance a motion under external wrenches.
 
     ``τ_i = S_iᵀ Σ_{distal} [m a; Iα + ω×Iω + r_c×m a] - S_iᵀ w_ext`` (ZS24 eqs 11 and 25 mended;
-    ZN23 eq 6). N for the base's linear rows, N m for its angular rows and the joints.
+    ZN23 eq 6). N for the base's linear rows, N·m for its angular rows and the joints.
 
     Args:
         robot: any robot, fixed or floating.
@@ -191,12 +191,12 @@ def rotor_wrenches(robot: Robot, q: Floats, thrust: ArrayLike) -> Floats:
 
 
 def armature(robot: Robot) -> Floats:
-    """Returns each joint's armature (n,) [kg m²]."""
+    """Returns each joint's armature (n,) [kg·m²]."""
     return np.array(robot.model.armature, float)[6 if robot.floating else 0 :]
 
 
 def declared_limits(robot: Robot, names: Sequence[str]) -> Floats:
-    """Returns servo limits (k,) [N m] of joints; inf where the description declares none.
+    """Returns servo limits (k,) [N·m] of joints; inf where the description declares none.
 
     An effort of 0 declares none: exporters write it where nobody gave a figure.
     """

@@ -41,7 +41,7 @@ class RelievedPosture:
 
     Attributes:
         q: (nq,) posture, gimbals aimed.
-        load: (k,) N m of the chain's joints without thrust, there.
+        load: (k,) N·m of the chain's joints without thrust, there.
         thrust: limits, and the map from forces to joints, there.
         relieved: forces and the highest share of servo torque that they leave, there.
         off: (m,) rad, by which gimbals end from their force; 0 of those that do not push.
@@ -55,7 +55,7 @@ class RelievedPosture:
 
     @property
     def torque(self) -> Floats:
-        """Joint torques (k,) [N m] that are left to the servos."""
+        """Joint torques (k,) [N·m] that are left to the servos."""
         return np.asarray(self.load - self.thrust.relief @ self.relieved.forces.ravel())
 
 
@@ -66,7 +66,7 @@ def relieved_posture(robot: Robot, q: Floats, gravity: Floats, load_at: LoadAt) 
         robot: with vectoring apparatuses on gimbals, its base fixed.
         q: (nq,) posture; its gimbal angles are where the search begins.
         gravity: (3,) m/s², world.
-        load_at: the chain's joint torques (k,) [N m] without thrust in a posture.
+        load_at: the chain's joint torques (k,) [N·m] without thrust in a posture.
     """
     q, forces, off = _settled(robot, q, load_at, _ROUNDS)
     reach, load = thrust_map(robot, q), load_at(q)
@@ -111,7 +111,7 @@ def borne_at_tip(robot: Robot, q: Floats, load_at: LoadAt, pull: Floats) -> Reli
 
     Args:
         robot, q, load_at: as of `relieved_posture`.
-        pull: (k,) N m per newton at the tip.
+        pull: (k,) N·m per newton at the tip.
     """
     first = found = tip_force(thrust_map(robot, q), load_at(q), pull, _CLOSE)
     if not np.isfinite(first.value):
@@ -137,7 +137,7 @@ def borne_at_tip(robot: Robot, q: Floats, load_at: LoadAt, pull: Floats) -> Reli
 
 
 def _with_force(load_at: LoadAt, torque: Floats) -> LoadAt:
-    """Returns the loads of postures less what a force adds (k,) [N m] to all of them."""
+    """Returns the loads of postures less what a force adds (k,) [N·m] to all of them."""
     return lambda q: load_at(q) - torque
 
 
@@ -158,8 +158,8 @@ class FreeGimbals:
 
     Attributes:
         thrust: limits, and the map of forces at the gimbals' pivots.
-        shift: (k,) N m, to a posture's load: all weight of gimbals at their pivots.
-        swing: (k,) N m, from that at most: ``Σ m ρ |e × g|``, ρ the distance of a body's centre of
+        shift: (k,) N·m, to a posture's load: all weight of gimbals at their pivots.
+        swing: (k,) N·m, from that at most: ``Σ m ρ |e × g|``, ρ the distance of a body's centre of
             mass from the pivot, and thrust limits times what their line passes it by.
     """
 

@@ -10,7 +10,7 @@ SHOWN = 12  # joints in a table; a longer robot shows its hardest
 def joint_rows(
     joints: tuple[str, ...], torque: Floats, limit: Floats, use: Floats
 ) -> list[tuple[str, str]]:
-    """Returns a row a joint: torque [N m], and its share of the limit where one is declared."""
+    """Returns a row a joint: torque [N·m], and its share of the limit where one is declared."""
     loaded = np.flatnonzero((use > 1e-9) | (np.isinf(limit) & (np.abs(torque) > 1e-9)))
     order = loaded[np.lexsort((-np.abs(torque[loaded]), -use[loaded]))]
     out = []

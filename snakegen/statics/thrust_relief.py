@@ -25,9 +25,9 @@ class ThrustMap:
 
     Attributes:
         joints: (k,) names of the chain's.
-        relief: (k, 3 m) N m per newton of each apparatus' force, world axes: ``Jᵀ``.
+        relief: (k, 3 m) N·m per newton of each apparatus' force, world axes: ``Jᵀ``.
         limit: (m,) N, of each apparatus.
-        effort: (k,) N m, of the servos.
+        effort: (k,) N·m, of the servos.
     """
 
     joints: tuple[str, ...]
@@ -74,8 +74,8 @@ def least_use(thrust: ThrustMap, load: Floats, slack: Floats | float = 0.0) -> R
 
     Args:
         thrust: from `thrust_map`.
-        load: (k,) N m that the joints bear without thrust.
-        slack: (k,) N m, by which the load may differ, for a bound of all such loads.
+        load: (k,) N·m that the joints bear without thrust.
+        slack: (k,) N·m, by which the load may differ, for a bound of all such loads.
     """
     size = thrust.relief.shape[1]
     share = thrust.relief / thrust.effort[:, None]
@@ -134,8 +134,8 @@ def tip_force(thrust: ThrustMap, load: Floats, pull: Floats, close: float = _CLO
 
     Args:
         thrust: from `thrust_map`.
-        load: (k,) N m that the joints bear without thrust and tip force.
-        pull: (k,) N m per newton at the tip along the direction: ``Jᵀ_tip u``.
+        load: (k,) N·m that the joints bear without thrust and tip force.
+        pull: (k,) N·m per newton at the tip along the direction: ``Jᵀ_tip u``.
         close: share of a thrust limit by which the outer program may exceed it.
     """
     count = len(thrust.limit)

@@ -56,15 +56,15 @@ class TipLoad:
         force_radius: N, the force that can be borne in **every** direction.
         force_joint: the joint that limits it.
         force_direction: (3,) the worst direction.
-        torque_radius: N m, the same for pure torques.
+        torque_radius: N·m, the same for pure torques.
         wrench_radius: N, of wrenches [force; torque / lever] in **every** direction of the six.
         wrench_joint: the joint that limits them.
         lever: m, mean link length, against which torques count.
         axes_force: (6,) N along +x, -x, +y, -y, +z, -z of the world; inf where no joint feels it.
-        axes_torque: (6,) N m, the same for torques.
+        axes_torque: (6,) N·m, the same for torques.
         corners: (c, 3) N, corners of the set of forces.
         free: (3, f) directions of force that load no joint.
-        torque_corners: (c, 3) N m, corners of the set of torques.
+        torque_corners: (c, 3) N·m, corners of the set of torques.
         torque_free: (3, f) directions of torque that load no joint.
         payload: kg that can hang at the tip (0 where the posture alone is too much).
         compliance: (6, 6) m/N …, of the servos.
@@ -202,8 +202,8 @@ def tip_load(
         robot: any robot; a floating one is taken as held at its root.
         q: (nq,) posture.
         tip: from `find_tip`.
-        torque: (n,) N m, what the joints bear already.
-        limit: (n,) N m, servo limits.
+        torque: (n,) N·m, what the joints bear already.
+        limit: (n,) N·m, servo limits.
         direction: (3,) of the payload's pull.
 
     Raises:
@@ -245,7 +245,7 @@ def tip_load(
 
 
 def servo_stiffness(robot: Robot) -> Floats:
-    """Returns each joint's servo stiffness (n,) [N m/rad], inf where no servo is known."""
+    """Returns each joint's servo stiffness (n,) [N·m/rad], inf where no servo is known."""
     known = {s.joint: s.stiffness for s in robot.modules.servos}
     return np.array([known.get(n, np.inf) for n in robot.joint_names])
 

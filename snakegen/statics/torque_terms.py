@@ -29,7 +29,7 @@ def torque_terms(
 
     Args:
         tree: the robot's n bodies.
-        armature: (n-1,) kg m² (kg where the joint slides), added to each joint's own inertia.
+        armature: (n-1,) kg·m² (kg where the joint slides), added to each joint's own inertia.
         segment: (n,) the body whose inertia eq 24 gives to each body's joint.
         gravity: (3,) m/s², world, for example (0, 0, -9.81).
         base_rotation: (…, 3, 3) attitude of body 0 in the world.
@@ -39,7 +39,7 @@ def torque_terms(
         wrenches: (n, 6) external [force; torque] on each body at its origin, world axes.
 
     Returns:
-        (…, 8, 6 + n-1): rows as `kernels.dynamics.torque_terms.TERMS`; N for base linear, N m for
+        (…, 8, 6 + n-1): rows as `kernels.dynamics.torque_terms.TERMS`; N for base linear, N·m for
         base angular and joints.
     """
     rotation, p = forward(tree, base_rotation, np.zeros(3), angles)

@@ -29,9 +29,9 @@ class VectoredBody:
         base: (3, 3) attitude of the root link.
         moved: (m,) which of `angles` are gimbals.
         lower, upper: (Ñ + m,) limits of x.
-        push: (6,) unit of the push, N and N m about the CoG, world axes.
+        push: (6,) unit of the push, N and N·m about the CoG, world axes.
         joints: names of the driven chain joints that have a torque limit.
-        least, most: (k,) the torques that they may take, N m.
+        least, most: (k,) the torques that they may take, N·m.
         twists: (6, k) twist of each of them about the base origin.
         above: (k, bodies) 1 where the joint carries the body.
         pushed: (k,) the same of the body that is pushed.
@@ -131,7 +131,7 @@ def vectored_body(robot: Robot, q: ArrayLike, push: Floats, link: str) -> Vector
     Args:
         robot: floating, with apparatuses.
         q: (nq,) posture; gimbals as they hover.
-        push: N and N m.
+        push: N and N·m.
         link: that carries it.
 
     Raises:
@@ -180,7 +180,7 @@ def with_draw(body: VectoredBody, factors: Floats, offsets: Floats) -> VectoredB
     Args:
         body: nominal.
         factors: (n,) thrust of each rotor over its command; above its largest thrust none gives.
-        offsets: (k,) N m, of the torques that servos report; none if empty.
+        offsets: (k,) N·m, of the torques that servos report; none if empty.
     """
     rotors, n = body.robot.rotors, body.apparatuses
     owner, count = rotors.apparatus, np.bincount(rotors.apparatus, minlength=n)

@@ -33,9 +33,9 @@ class _Part:
     place: Floats  # (3,) m
     axis: Floats  # (3,)
     weight: float  # N, of the loads on it along the common direction
-    moment: Floats  # (3,) N m, their first moment
+    moment: Floats  # (3,) N·m, their first moment
     aside: tuple[tuple[float, float], ...]  # (N, m): loads in other directions and their levers
-    couple: float  # N m, of couples on it
+    couple: float  # N·m, of couples on it
 
 
 def use_bound(

@@ -75,7 +75,7 @@ def evaluate(body: Body, samples: Floats) -> pa.Table:
     """Returns a table with a row per posture: joints, certified margins of both modes, clearance.
 
     `force_margin`, `torque_margin` and `wrench_margin` are the certified lower bounds of the
-    vectored mode within gimbal and thrust limits (N, N m, scaled), those that end in `_upper` the
+    vectored mode within gimbal and thrust limits (N, N·m, scaled), those that end in `_upper` the
     upper ones; NaN where hover is infeasible.
 
     Args:

@@ -24,7 +24,7 @@ class Worst:
     Attributes:
         column: the margin.
         joints, angles: the posture, rad.
-        lower, upper: certified bounds, N, N m, m or scaled as the margin is; nan out of reach.
+        lower, upper: certified bounds, N, N·m, m or scaled as the margin is; nan out of reach.
         closed: whether they agree to the sweep's tolerance, or to 1e-6 of `scale`.
         sampled: the least value among the samples whose hover is in reach; nan where none is.
         feasible: whether hover is in reach of this mode in this posture.
@@ -147,7 +147,7 @@ def _wrench(column: str) -> str:
 
 
 def _scale(body: Body, column: str) -> float:
-    """Returns what a margin is measured by: m g [N], m g times the link length [N m], or 1."""
+    """Returns what a margin is measured by: m g [N], m g times the link length [N·m], or 1."""
     kind = column.removeprefix("dual_").removesuffix("_upper")
     robot = body.robot
     scales = {"force_margin": robot.force_scale, "torque_margin": robot.torque_scale}

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-UNITS = {"force": "N", "torque": "N m"}  # the others are scaled
+UNITS = {"force": "N", "torque": "N·m"}  # the others are scaled
 
 
 @dataclass(frozen=True)
@@ -12,7 +12,7 @@ class DesignStep:
 
     Attributes:
         change: in words, as in "1 cm of apparatus 2 towards the tip".
-        effect: by margin: N, N m, the others scaled.
+        effect: by margin: N, N·m, the others scaled.
         about_zero: change that may be made either way.
         thrust: more thrust, which always helps.
     """

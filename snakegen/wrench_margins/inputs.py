@@ -112,5 +112,5 @@ def margins_text(kind: str, wrench: Floats, force: Floats, torque: Floats) -> st
     if not wrench >= 0.0:
         return f"{kind}(hover is infeasible by {-float(wrench):.3g}, scaled)"
     return (
-        f"{kind}(force {float(force):.4g} N, torque {float(torque):.4g} N m, wrench {wrench:.3g})"
+        f"{kind}(force {float(force):.4g} N, torque {float(torque):.4g} N·m, wrench {wrench:.3g})"
     )

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-UNITS = {"force": " N", "torque": " N m", "attitude_altitude": ""}
+UNITS = {"force": " N", "torque": " N·m", "attitude_altitude": ""}
 OPEN = 0.01  # share by which bounds may differ without a word
 NAMES = {"attitude_altitude": "lift and torque"}
 LABELS = {
@@ -22,10 +22,10 @@ class PushMargin:
     """Largest push of one kind that is held in every direction.
 
     Attributes:
-        value: N, N m, or scaled; nan where hover itself breaks a limit.
+        value: N, N·m, or scaled; nan where hover itself breaks a limit.
         bounds: certified lower and upper; equal where the value is exact.
         push: (6,) weakest push on the robot, of margin 1: ``value * push`` is at the limit; N and
-            N m about the CoG, root-link axes; nan where the margin is 0 or nan.
+            N·m about the CoG, root-link axes; nan where the margin is 0 or nan.
         at_limit: names of the rotors, apparatuses or joints at their limit there.
         followed: size of the weakest push at its limit when gimbals turn to the forces that they
             carry, thrust points and centre of gravity with them; None where not worked out.
@@ -60,7 +60,7 @@ class PushMargin:
             return size
         parts = [
             f"{_direction(part)}{unit}"
-            for part, unit in ((self.push[:3], " N"), (self.push[3:], " N m"))
+            for part, unit in ((self.push[:3], " N"), (self.push[3:], " N·m"))
             if np.any(part)
         ]
         if kind in ("force", "torque"):

@@ -20,7 +20,7 @@ _PASSED = 1e-7  # share of a limit by which a ball may be passed unnoticed
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Joint torques ``|bias + rows @ x + t (wrench @ d)| ≤ limit`` [N m]; see `joint_loads`."""
+    """Joint torques ``|bias + rows @ x + t (wrench @ d)| ≤ limit`` [N·m]; see `joint_loads`."""
 
     rows: Floats  # (k, n)
     bias: Floats  # (k,)

@@ -31,7 +31,7 @@ class JointLimited:
 
     link: str
     force: tuple[float, float]  # certified bounds, N; NaN where hover itself breaks a limit
-    torque: tuple[float, float]  # N m
+    torque: tuple[float, float]  # N·m
     joints: tuple[str, ...]  # at their limit where the force margin is reached
 
 
@@ -93,10 +93,10 @@ class Margins:
             "units": {
                 "frame": "forces and torques along the root link's axes, torques about the CoG",
                 "force": "N",
-                "torque": "N m",
+                "torque": "N·m",
                 "wrench": "1, of [force / force_scale; torque / torque_scale]",
                 "attitude_altitude": "1, as wrench, of [force z; torque] alone",
-                "worst_direction": "N and N m; of length 1, where the margin is scaled in its "
+                "worst_direction": "N and N·m; of length 1, where the margin is scaled in its "
                 "scaled parts",
                 "force_scale_N": self.force_scale,
                 "torque_scale_Nm": self.torque_scale,

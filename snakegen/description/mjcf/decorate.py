@@ -172,7 +172,7 @@ def _servos(spec: mujoco.MjSpec, modules: Modules) -> None:
     """Adds a position servo per driven joint; force limits come from the URDF's effort.
 
     The limit moves from the joint to its servo: MuJoCo's joint limit also clips what thrust on
-    the links beyond makes of the joint (measured: 0.6 N m lost in hover, and the body folds up).
+    the links beyond makes of the joint (measured: 0.6 N·m lost in hover, and the body folds up).
     Servos of one make share a class.
     """
     gimbals = {n for a in modules.apparatuses for n in (a.roll, a.pitch)}

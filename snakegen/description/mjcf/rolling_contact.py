@@ -35,10 +35,10 @@ class ScrewContact:
     wheel_radius: float = 0.012
     friction: float = 0.8
     # Beyond gain · timestep ≈ armature the solver, which does not see the servo's damping, takes
-    # the drum for lighter than it is: at 20 N·m·s and 0.005 kg m² the balls slip 0.05 m/s.
+    # the drum for lighter than it is: at 20 N·m·s and 0.005 kg·m² the balls slip 0.05 m/s.
     screw_gain: float = 10.0  # N·m·s/rad of the screw's velocity servo
     screw_torque: float = 10.0  # N·m
-    screw_armature: float = 0.02  # kg m², motor and gear reflected to the drum
+    screw_armature: float = 0.02  # kg·m², motor and gear reflected to the drum
 
     def layout(self, unit: int) -> WheelLayout:
         """Returns the wheels of unit `unit`, counted from 0."""

@@ -56,7 +56,7 @@ class Held:
 
     Attributes:
         acceleration: rad/s², the largest at the start; zero where the tensions balance.
-        torque: N m by joint, of the cables alone.
+        torque: N·m by joint, of the cables alone.
         drift: rad, the farthest any joint goes in `seconds`.
         tension: N, of each cable at the end.
         seconds: of simulation.

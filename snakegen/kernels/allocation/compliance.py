@@ -31,9 +31,9 @@ def twists_into(
     Args:
         m, rotor: from `vectoring.mounts`.
         angles: (Ñ, 2) rad, joint order.
-        give: (Ñ, 2) rad/(N m), joint order: 1 over the servos' stiffness.
+        give: (Ñ, 2) rad/(N·m), joint order: 1 over the servos' stiffness.
         turn: (n, 2) rad/N, ``give a · ((p - o) × u + c u)`` about the two gimbal joints.
-        slope: (n, 2, 6) ∂q/∂x, N and N m per newton and radian.
+        slope: (n, 2, 6) ∂q/∂x, N and N·m per newton and radian.
     """
     u, p, axis, arm = scratch(3), scratch(3), scratch(3), scratch(3)
     du, dp, a, b = scratch(3), scratch(3), scratch(3), scratch(3)

@@ -223,7 +223,7 @@ def refine(
         rows: (6,) the scaling S of the wrench.
         scale: N.
         steps: most steps.
-        residual: N and N m, where to stop.
+        residual: N and N·m, where to stop.
     """
     n = thrust.shape[0]
     weight, error, delta, jacobian = scratch(3 * n), scratch(6), scratch(3 * n), scratch((6, 3 * n))

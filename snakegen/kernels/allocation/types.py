@@ -9,7 +9,7 @@ from snakegen.kernels.dynamics.joint_loads import JointLoads
 class Task(NamedTuple):
     """The wrench that is sought, and the scale that weighs what is missed of its rows."""
 
-    wrench: Floats  # (6,) N and N m, CoG axes
+    wrench: Floats  # (6,) N and N·m, CoG axes
     rows: Floats  # (6,) S: THEORY A3
 
 
@@ -26,7 +26,7 @@ class Previous(NamedTuple):
 
     angles: Floats  # (Ñ, 2) rad
     thrust: Floats  # (Ñ,) N
-    external: Floats  # (k,) N m, what loads the bounded joints beyond thrust and weight
+    external: Floats  # (k,) N·m, what loads the bounded joints beyond thrust and weight
 
 
 class Iteration(NamedTuple):
@@ -34,7 +34,7 @@ class Iteration(NamedTuple):
 
     sweeps: int  # of eq 36 before Newton
     newton: int  # most Newton steps
-    residual: float  # N and N m, where Newton stops
+    residual: float  # N and N·m, where Newton stops
 
 
 class VirtualAnswer(NamedTuple):
@@ -43,7 +43,7 @@ class VirtualAnswer(NamedTuple):
     thrust: Floats  # (Ñ,) N
     angles: Floats  # (Ñ, 2) rad
     internal: Floats  # (2, Ñ, 3) N, link axes: internal forces, see `bounded_answer`
-    reached: Floats  # (6,) N and N m, the wrench within limits
+    reached: Floats  # (6,) N and N·m, the wrench within limits
 
 
 class RotorBounds(NamedTuple):

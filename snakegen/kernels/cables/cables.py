@@ -80,11 +80,11 @@ def balance(
 
     Args:
         A: (j, c) m, moment arms of c cables about j joints.
-        torque: (j,) N m, wanted of the cables.
+        torque: (j,) N·m, wanted of the cables.
         minimum, maximum: N.
 
     Returns:
-        tensions (c,) N, shortage (j,) N m: what is left of τ, zero where they balance.
+        tensions (c,) N, shortage (j,) N·m: what is left of τ, zero where they balance.
     """
     closed = _closed_form(A, torque, minimum)
     if closed is not None and np.all(closed <= maximum):

@@ -91,10 +91,10 @@ def desired_torque_into(
     gyroscopic: int,
     torque: Floats,
 ) -> None:
-    """Writes ``I (K_p e_R + K_i ∫e_R + K_d e_ω) + ω × I ω`` (3,) [N m], CoG axes: eqs 17-19.
+    """Writes ``I (K_p e_R + K_i ∫e_R + K_d e_ω) + ω × I ω`` (3,) [N·m], CoG axes: eqs 17-19.
 
     Args:
-        inertia: (3, 3) kg m², about the CoG, CoG axes.
+        inertia: (3, 3) kg·m², about the CoG, CoG axes.
         rotation: (3, 3) attitude of the CoG frame.
         angular: (3,) rad/s, in CoG axes.
         integral: (3,) rad s, of the attitude error.
@@ -102,7 +102,7 @@ def desired_torque_into(
         wanted_angular: (3,) rad/s, in the axes of `wanted`.
         gains: (3, 3) rows K_p, K_i, K_d.
         gyroscopic: 1 adds the last term, which the print drops.
-        torque: (3,) N m.
+        torque: (3,) N·m.
     """
     error, world, rate = scratch(3), scratch(3), scratch(3)
     attitude_error_into(rotation, wanted, error)

@@ -21,7 +21,7 @@ class Measured(NamedTuple):
     angular: Floats  # (3,) rad/s, of body 0
     angles: Floats  # (n-1,) rad, every joint of the tree, gimbals included
     rates: Floats  # (n-1,) rad/s
-    torques: Floats = np.zeros(0)  # (k,) N m, of the law's joints, by their servos; or not told
+    torques: Floats = np.zeros(0)  # (k,) N·m, of the law's joints, by their servos; or not told
 
 
 class Target(NamedTuple):
@@ -46,7 +46,7 @@ class Law(NamedTuple):
     tilt_limit: float  # rad, clamp of commanded roll and pitch
     gimbal_lower: Floats  # (Ñ, 2) rad, roll and pitch
     gimbal_upper: Floats  # (Ñ, 2) rad
-    gimbal_give: Floats  # (Ñ, 2) rad/(N m), roll and pitch: by how much their servos give way
+    gimbal_give: Floats  # (Ñ, 2) rad/(N·m), roll and pitch: by how much their servos give way
     axes_body: int  # body whose axes the CoG frame has
     axes_rotation: Floats  # (3, 3) CoG axes in that body's axes
     gyroscopic: int  # 1 adds ω × I ω to the torque
@@ -54,12 +54,12 @@ class Law(NamedTuple):
     sigma_min: float  # least scaled singular value that is flown
     sweeps: int  # fixed-point sweeps of eq 36 before Newton
     newton: int  # most Newton steps
-    residual: float  # N and N m, where Newton stops
+    residual: float  # N and N·m, where Newton stops
     blend_time: float  # s, of a change of mode
     gravity: float  # m/s²
     length: float  # m, lever by which torques are scaled: the mean link length
     joints: Ints  # (k,) bodies moved by the joints whose torque the constrained allocator bounds
-    joint_limit: Floats  # (k,) N m
+    joint_limit: Floats  # (k,) N·m
     internal_time: Floats  # (2,) s, in which internal forces follow joints' and thrusts' limits
     integral_rate: Floats  # (2, 3) times faster ∫e_r and ∫e_R run: 1, more while trimming
     rate_filter: float  # Hz, cut-off of the low-pass on body rates and CoG velocity; 0: none
@@ -76,7 +76,7 @@ class State(NamedTuple):
     internal: Floats  # (2, Ñ, 3) N, link axes, for joints' limits and all; NaN: none yet
     rates: Floats  # (2, 2, 3) memory of the low-pass on body rates and CoG velocity; NaN: none
     thrust: Floats  # (n_rotors,) N, last commanded; NaN: not yet
-    strain: Floats  # (k,) N m of the law's joints that thrust and weight do not explain
+    strain: Floats  # (k,) N·m of the law's joints that thrust and weight do not explain
 
 
 class Command(NamedTuple):

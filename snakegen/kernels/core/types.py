@@ -25,7 +25,7 @@ class Tree(NamedTuple):
     axis: Floats  # (n, 3) unit joint axis in the body's frame
     mass: Floats  # (n,) kg
     com: Floats  # (n, 3) m, centre of mass in the body's frame
-    inertia: Floats  # (n, 3, 3) kg m², about the body's centre of mass, body axes
+    inertia: Floats  # (n, 3, 3) kg·m², about the body's centre of mass, body axes
 
 
 class Rotors(NamedTuple):

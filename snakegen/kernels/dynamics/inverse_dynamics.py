@@ -179,7 +179,7 @@ def torques_batch(
 
     Args:
         tree: the robot's n bodies.
-        armature: (n-1,) kg m², added to each joint's own inertia.
+        armature: (n-1,) kg·m², added to each joint's own inertia.
         gravity: (3,) m/s², world.
         base_rotation: (m, 3, 3) attitude of body 0 in the world.
         angles: (m, n-1) rad (m where the joint slides).

@@ -20,9 +20,9 @@ from snakegen.kernels.core.types import Body, Floats, Gimbals, Ints, Tree
 class JointLoads(NamedTuple):
     """Bounds ``|bias + rows @ x| ≤ limit`` on thrusts or forces x."""
 
-    rows: Floats  # (k, n) N m per newton; three columns an apparatus for forces in CoG axes
-    bias: Floats  # (k,) N m, of the weight
-    limit: Floats  # (k,) N m
+    rows: Floats  # (k, n) N·m per newton; three columns an apparatus for forces in CoG axes
+    bias: Floats  # (k,) N·m, of the weight
+    limit: Floats  # (k,) N·m
 
 
 @jit
@@ -73,7 +73,7 @@ def joint_line_into(tree: Tree, body: Body, joint: int, a: Floats, r: Floats) ->
 
 @bare
 def weight_load(hung: Floats, a: Floats, r: Floats, axes: Floats, gravity: float) -> float:
-    """Returns the torque [N m] that what hangs on a joint, a row (4,), asks of its servo."""
+    """Returns the torque [N·m] that what hangs on a joint, a row (4,), asks of its servo."""
     arm, down, moment = scratch(3), scratch(3), scratch(3)
     for k in range(3):
         arm[k], down[k] = hung[1 + k] - hung[0] * r[k], -gravity * axes[2, k]
@@ -130,7 +130,7 @@ def force_loads(
         body: where the robot is.
         m: (Ñ, 10, 3) from `mounts`; angles (Ñ, 2) rad in joint order.
         joints: (k,) bodies that the bounded joints move.
-        limit: (k,) N m.
+        limit: (k,) N·m.
     """
     rows, bias = np.empty((joints.shape[0], 3 * m.shape[0])), np.empty(joints.shape[0])
     force_loads_into(tree, gimbals, body, m, angles, gravity, joints, rows, bias)

@@ -224,7 +224,7 @@ def torque_terms(
 
     Args:
         tree: the robot's n bodies.
-        armature: (n-1,) kg m² (kg where the joint slides), added to each joint's own inertia.
+        armature: (n-1,) kg·m² (kg where the joint slides), added to each joint's own inertia.
         segment: (n,) the body whose inertia eq 24 gives to each body's joint; itself as a rule,
             both axes of a universal joint name the link beyond it.
         gravity: (3,) m/s², world, for example (0, 0, -9.81).
@@ -235,7 +235,7 @@ def torque_terms(
         wrenches: (n, 6) external [force; torque] on each body at its origin, world axes.
 
     Returns:
-        (8, 6 + n-1): rows as `TERMS`; N for base linear, N m for base angular and joints.
+        (8, 6 + n-1): rows as `TERMS`; N for base linear, N·m for base angular and joints.
         `DEPTHS` says which rows sum to `static`, `quasi_static` and `full`.
     """
     n = tree.parent.shape[0]

@@ -80,14 +80,14 @@ class References(NamedTuple):
     joints: Floats  # (T, k) rad
     mode: Ints  # (T,)
     strength: Floats  # (T, r) thrust given over thrust asked
-    disturbance: Floats  # (T, 6) or (0, 6): N, N m
+    disturbance: Floats  # (T, 6) or (0, 6): N, N·m
     wind: Floats  # (T, 3) m/s
     attitude_noise: Floats  # (T, 3, 3) from true to measured attitude, body axes
     position_noise: Floats  # (T, 3) m
     velocity_noise: Floats  # (T, 3) m/s
     gyro_noise: Floats  # (T, 3) rad/s
     angle_noise: Floats  # (n-1,) rad, constant in a run
-    torque_noise: Floats  # (l,) N m, constant in a run
+    torque_noise: Floats  # (l,) N·m, constant in a run
     hinge_noise: Floats  # (T, e) rad/s, of the damped hinges' rates
 
 
@@ -103,7 +103,7 @@ class Plant(NamedTuple):
     gimbal_step: Floats  # (Ñ, 2) rad a tick, fastest
     joint_step: Floats  # (k,) rad a tick, fastest
     thrust_max: Floats  # (r,) N
-    spin_momentum: Floats  # (r,) N m s at thrust_max, signed: counter-clockwise about the thrust
+    spin_momentum: Floats  # (r,) N·m·s at thrust_max, signed: counter-clockwise about the thrust
     power: Floats  # (r,) W N^-1.5
     capacity: float  # J, inf for an endless battery
     sag: float  # share of voltage lost from full to empty
@@ -125,7 +125,7 @@ class Memory(NamedTuple):
     seen: Floats  # (6,) last position sample and velocity
     ring: Floats  # (delay + 2, 18 + 2(n-1) + e + l) states on their way to the controller
     late: Floats  # (18 + 2(n-1) + e + l,) what has reached it, noise included
-    momentum: Floats  # (r,) N m s, of each rotor about its axis
+    momentum: Floats  # (r,) N·m·s, of each rotor about its axis
     steady: Floats  # (nbody, 6) forces held during a tick
     used: Floats  # (1,) share of the battery
 

@@ -100,7 +100,7 @@ def centre_of_gravity(tree: Tree, rotation: Floats, position: Floats) -> tuple[f
 
 @bare
 def inertia_into(tree: Tree, rotation: Floats, position: Floats, cog: Floats, out: Floats) -> None:
-    """Writes the inertia (3, 3) [kg m²] about `cog` (3,), world axes: see `mass_properties`."""
+    """Writes the inertia (3, 3) [kg·m²] about `cog` (3,), world axes: see `mass_properties`."""
     arm, half = scratch(3), scratch((3, 3))
     for a in range(3):
         for b in range(3):
@@ -131,7 +131,7 @@ def mass_properties(tree: Tree, rotation: Floats, position: Floats) -> tuple[flo
         position: (n, 3) m, body origins.
 
     Returns:
-        mass [kg], cog (3,) [m], inertia (3, 3) [kg m²]; world axes.
+        mass [kg], cog (3,) [m], inertia (3, 3) [kg·m²]; world axes.
     """
     total, cog = centre_of_gravity(tree, rotation, position)
     inertia = np.empty((3, 3))
@@ -232,7 +232,7 @@ def centroidal_motion(
     as rigid parts of their bodies. Arguments as in `body_twists`.
 
     Returns:
-        cog_velocity (3,) [m/s], momentum (3,) [N m s], mean angular velocity (3,) [rad/s]; world.
+        cog_velocity (3,) [m/s], momentum (3,) [N·m·s], mean angular velocity (3,) [rad/s]; world.
     """
     linear, angular = body_twists(tree, rotation, position, base_linear, base_angular, rates)
     _, cog, inertia = mass_properties(tree, rotation, position)

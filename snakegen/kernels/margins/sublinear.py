@@ -102,7 +102,7 @@ def twisting_table(
     """Returns the larger of `above` and of ``g ↦ (max f(± g × axis) + aside |g|) · scale``.
 
     With f the support function of the first moments beyond a joint it bounds the joint's use by
-    loads along g; `aside` [N m] bounds what other loads add.
+    loads along g; `aside` [N·m] bounds what other loads add.
     """
     out, d = np.empty_like(table), np.empty(3)
     m = table.shape[1] - 1

@@ -17,8 +17,8 @@ def capacity(J: Floats, torque: Floats, limit: Floats, directions: Floats) -> Fl
 
     Args:
         J: (k, n) rows of the tip's Jacobian, those of the wrench space asked about.
-        torque: (n,) N m, the joints' own load τ0.
-        limit: (n,) N m.
+        torque: (n,) N·m, the joints' own load τ0.
+        limit: (n,) N·m.
         directions: (m, k).
 
     Returns:
@@ -89,7 +89,7 @@ def stiffness(J: Floats, servo: Floats) -> tuple[Floats, Floats]:
 
     Args:
         J: (6, n) tip Jacobian, [linear; angular].
-        servo: (n,) N m/rad, inf for a rigid joint.
+        servo: (n,) N·m/rad, inf for a rigid joint.
 
     Returns:
         compliance (6, 6), stiffness (6, 6). A direction that no joint yields in is infinitely

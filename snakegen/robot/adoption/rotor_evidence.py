@@ -32,7 +32,7 @@ class Shaft:
         name: of the joint.
         axis: (3,) unit, in the axes of its child link.
         limits: (2,), None where it has none.
-        effort: N m, 0 where it has none.
+        effort: N·m, 0 where it has none.
     """
 
     name: str

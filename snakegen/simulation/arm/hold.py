@@ -26,7 +26,7 @@ class Hold:
     Attributes:
         q: posture (nq,), gimbals aimed along their thrusts.
         thrust: (r,) N of each rotor.
-        torque: (k,) N m that the model leaves to the servos.
+        torque: (k,) N·m that the model leaves to the servos.
         link, point: where `force` acts, (3,) m in the link's axes.
         force: (3,) N, world axes.
         gravity: (3,) m/s².
@@ -56,7 +56,7 @@ class HoldPlant:
 class Holding:
     """What a run left: rows (T, ·).
 
-    Time [s], qpos, servo torque [N m], rate [rad/s] and deflection [rad], thrust [N].
+    Time [s], qpos, servo torque [N·m], rate [rad/s] and deflection [rad], thrust [N].
     """
 
     time: Floats
@@ -80,7 +80,7 @@ def _pairs(robot: Robot, forces: Floats) -> Any:
 
 
 def servo_share(thrust: ThrustMap, forces: Floats, load: Floats) -> Floats:
-    """Returns the torque (k,) [N m] that forces (m, 3) leave to the servos."""
+    """Returns the torque (k,) [N·m] that forces (m, 3) leave to the servos."""
     return np.asarray(load - thrust.relief @ forces.ravel())
 
 

@@ -29,10 +29,10 @@ class Moved:
         ticks: instants run.
         qpos: (T, nq) MuJoCo's configuration.
         rates, accelerations: (T, k) rad/s and rad/s² of the chain's joints; Δq̇/Δt of the step.
-        torque: (T, k) N m that the servos gave over the step.
-        friction: (T, k) N m that dry friction gave over the step.
+        torque: (T, k) N·m that the servos gave over the step.
+        friction: (T, k) N·m that dry friction gave over the step.
         deflection: (T, k) rad, what the servos are commanded, lead and all, beside the angle.
-        inverse: (T, k) N m of MuJoCo's inverse dynamics of the motion asked for.
+        inverse: (T, k) N·m of MuJoCo's inverse dynamics of the motion asked for.
         contacts: (T,) how many contacts there were.
         stopped: "" or why the run ended early.
     """
@@ -50,7 +50,7 @@ class Moved:
 
 
 def inverse_dynamics(world: World, along: Along, gravity: Floats) -> Floats:
-    """Returns MuJoCo's inverse dynamics (T, k) [N m] of a motion, friction left out."""
+    """Returns MuJoCo's inverse dynamics (T, k) [N·m] of a motion, friction left out."""
     model, data = world.model, mujoco.MjData(world.model)
     model.opt.gravity[:] = gravity
     off = int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS) | int(mujoco.mjtDisableBit.mjDSBL_CONTACT)

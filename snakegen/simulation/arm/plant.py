@@ -135,5 +135,5 @@ def expected_joint_error(world: World, along: Along) -> float:
 
 
 def _effort(robot: Robot, world: World) -> float:
-    """Returns the smallest torque limit of the chain's servos [N m]."""
+    """Returns the smallest torque limit of the chain's servos [N·m]."""
     return float(robot.limits([robot.joint_names[i] for i in world.chain])[2].min())

@@ -68,7 +68,7 @@ class ArmOptions:
     Attributes:
         gravity: m/s², world
         lead: what servos get beside the angle: none, speed, or law (speed and torque)
-        friction: static,sliding of every joint in N m, as in 0.1,0.06; else the servos' own
+        friction: static,sliding of every joint in N·m, as in 0.1,0.06; else the servos' own
     """
 
     gravity: str = "0,0,-9.81"
@@ -249,7 +249,7 @@ def _near_turning(time: Floats, rate: Floats, span: float) -> Any:
 
 
 def _law_of(world: World, moved: Moved, gravity: ArrayLike) -> Floats:
-    """Returns the law's torques (T, k) [N m] of the motion that the servos made."""
+    """Returns the law's torques (T, k) [N·m] of the motion that the servos made."""
     robot, m, n = world.robot, moved.ticks, len(world.robot.joint_names)
     v, a = np.zeros((2, m, 6 + n))
     v[:, 6 + world.chain], a[:, 6 + world.chain] = moved.rates, moved.accelerations

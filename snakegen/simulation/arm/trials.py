@@ -52,7 +52,7 @@ class ArmDraw:
 
     Attributes:
         mass, inertia: (bodies,) factors.
-        friction: (k,) N m, added to that of each joint.
+        friction: (k,) N·m, added to that of each joint.
         stiffness: (k,) factors of the servos.
         offset: (k,) rad, of the joint sensors.
     """

@@ -78,7 +78,7 @@ class ContactDrive:
         return np.asarray(rolls[model.dof_jntid])
 
     def press_wheels(self, arm: float, wheel_radius: float) -> None:
-        """Sets the dry friction of wheels [N m]: `arm` [m] times the load that each carries now.
+        """Sets the dry friction of wheels [N·m]: `arm` [m] times the load that each carries now.
 
         A ball in place of a drum rubs as much more as its radius is larger.
         """

@@ -61,7 +61,7 @@ def add_springs(
     Args:
         spec: decorated, of a URDF from `split_links`.
         links: names.
-        stiffness: N m/rad, EI/L of the rod.
+        stiffness: N·m/rad, EI/L of the rod.
         damping: s, damping over stiffness.
     """
     for key in list(spec.keys):  # their configurations lack the springs
@@ -112,7 +112,7 @@ def elastic_modes(model: mujoco.MjModel, qpos: Floats, dofs: Any) -> tuple[Float
 
 
 def stiffnesses(model: mujoco.MjModel) -> Floats:
-    """Returns the stiffness (nv,) [N m/rad] of each degree of freedom: spring and servo."""
+    """Returns the stiffness (nv,) [N·m/rad] of each degree of freedom: spring and servo."""
     spring = np.zeros(model.nv)
     for j in range(model.njnt):
         if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE:

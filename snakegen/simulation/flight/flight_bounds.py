@@ -168,7 +168,7 @@ def hover_sigmas(
 
     Args:
         robot, controller, plan: of the flight.
-        wanted: (T, 3) N m, torque of the control law, CoG axes.
+        wanted: (T, 3) N·m, torque of the control law, CoG axes.
         spread: `usual_accelerations`.
     """
     if not stays(plan) or len(wanted) * float(plan.time[1] - plan.time[0]) < LEAST:

@@ -50,7 +50,7 @@ class Plan:
         events: (time, text).
         thresholds: of the verdict, over the defaults; None takes a check out.
         mode: (T,) the mode flown: 1 virtual-single-rotor, 0 dual-rotor; None: the robot's own.
-        disturbance: (T, 6) N, N m, world, on `disturbance_link`; None for none.
+        disturbance: (T, 6) N, N·m, world, on `disturbance_link`; None for none.
         disturbance_link: name; the root link if empty.
         disturbance_at_cog: whether the wrench is about the CoG (carried by the link), not about
             the link's origin.
@@ -67,7 +67,7 @@ class Plan:
         facts: what the mission wants in the log, as JSON.
         kind: by which tracking is judged; the mission's name if empty.
         drawn: more of these facts by what the plant drew: thrust factors (n,), and offsets
-            (l,) [N m] of the torques that servos report; None for none.
+            (l,) [N·m] of the torques that servos report; None for none.
         settling: s, in which integrals settle along the plan; 0: as the gains have it.
         rate_filter: Hz, low-pass on measured rates where the robot has none of its own; 0: none.
     """

@@ -84,7 +84,7 @@ class Draw:
         angles: (n-1,) rad, additive; constant in a run: an encoder's error does not dither.
         wind: (T, 3) m/s, world.
         hinges: (T, e) rad/s, additive, of the rates of damped hinges.
-        torques: (l,) N m, offset of each servo's own torque.
+        torques: (l,) N·m, offset of each servo's own torque.
     """
 
     thrust_factor: Floats

@@ -124,6 +124,6 @@ def _check_joints(
     if use[i] > 1.0:
         raise MissionError(
             f"the mission turns the body at {speed:.3g} rad/s {when}: holding its shape then takes "
-            f"{abs(torque[at][i]):.3g} N m at {names[i]}, whose servo has {effort[i]:g}: leave the "
+            f"{abs(torque[at][i]):.3g} N·m at {names[i]}, whose servo has {effort[i]:g}: leave the "
             "turn more time (angles are in radians)."
         )

@@ -97,7 +97,7 @@ def make_world(
         timestep: s.
         floor: whether there is ground at z = 0.
         obstacles: solids that stand in the way.
-        link_stiffness: N m/rad of a bending link; 0: links are rigid.
+        link_stiffness: N·m/rad of a bending link; 0: links are rigid.
         link_damping: s, its damping over its stiffness.
         motor_lag: False: motors give at once what they are asked.
         sensors: names of the MJCF's sensors to keep; the flight loop reads the state itself.

@@ -34,7 +34,7 @@ def informed_limit(
     Args:
         robot, controller: the allocator and the mode are the controller's.
         q: (nq,) hover posture, level.
-        push: (6,) on the robot, N and N m about the CoG, root-link axes.
+        push: (6,) on the robot, N and N·m about the CoG, root-link axes.
         link: that carries it.
         factors: (n,) thrust of each rotor over its command; 1 for a nominal rotor.
 
@@ -83,7 +83,7 @@ def informed_least_forces(
     Args:
         robot: in virtual-single-rotor mode, with the constrained allocator.
         q, push, link, factors: as `informed_limit`.
-        offsets: (k,) N m, of the torques that the bounded joints' servos report; none if empty.
+        offsets: (k,) N·m, of the torques that the bounded joints' servos report; none if empty.
         expected: multiple to expect, the prediction of the nominal body.
     """
     body = vectored_body(robot, q, push, link)

@@ -46,7 +46,7 @@ class Forecast:
     """A push and the limit that is predicted for it.
 
     Attributes:
-        push: (6,) unit of the push on the robot, N and N m, root-link axes, about the CoG.
+        push: (6,) unit of the push on the robot, N and N·m, root-link axes, about the CoG.
         held: multiple of it at the rigid prediction, thrust and servos within limits; gimbals
             turned to what they carry for the constrained allocator (`push_margins.followed`).
         printed_margin: multiple of it at the printed margin, gimbals as they hover.

@@ -37,12 +37,12 @@ class Load:
 
     Attributes:
         q: (nq,) commanded posture, root level.
-        push: (6,) unit of the push, N and N m, about the CoG.
+        push: (6,) unit of the push, N and N·m, about the CoG.
         link: that carries it.
         frame: the CoG frame at q.
         servos: joints with a servo.
         address: (k,) of each servo's angle among `Robot.angles`.
-        stiffness, limit: (k,) N m/rad and N m.
+        stiffness, limit: (k,) N·m/rad and N·m.
         share: (n,) of its apparatus' thrust that each rotor gives.
     """
 
@@ -93,7 +93,7 @@ def load_on(robot: Robot, controller: Controller, q: Floats, push: Floats, link:
 def give_way(
     load: Load, now: Floats, thrust: Floats, gimbals: Floats, t: float
 ) -> tuple[Floats, Floats]:
-    """Returns where the body stands when bent as at `now`, and its servos' torques (k,) [N m].
+    """Returns where the body stands when bent as at `now`, and its servos' torques (k,) [N·m].
 
     Args:
         load: body and push.
@@ -184,7 +184,7 @@ class Steady:
         side: (2,) N, horizontal force that it leans for in dual-rotor mode.
         gimbals: (Ñ, 2) rad, commanded.
         thrust: (n,) N.
-        torque: (k,) N m, of the servos.
+        torque: (k,) N·m, of the servos.
     """
 
     load: Load

@@ -125,7 +125,7 @@ class Recorder:
         self._postures, self._judged = [], last
 
     def wanted_torque(self) -> Floats:
-        """Returns the torque (T, 3) [N m] that the control law asked for at the ticks recorded."""
+        """Returns the torque (T, 3) [N·m] that the control law asked for at the ticks recorded."""
         return self.store.array(self._torque, self.done)
 
     def recording(self, events: list[tuple[float, str, str]], meta: dict[str, Any]) -> Recording:

@@ -39,7 +39,7 @@ def margins_along(
 ) -> dict[str, Floats]:
     """Returns margins (m,) at ticks `rows` of a plan, where the robot was as `states` say.
 
-    Gimbals are taken as they are. Virtual single rotor: wrench, force [N] and torque [N m]
+    Gimbals are taken as they are. Virtual single rotor: wrench, force [N] and torque [N·m]
     margins, lower bounds, and upper ones as `…_upper` where sets are not balls; dual rotor: the
     wrench margin of ``[f_z; τ]``, force and torque undefined (NaN).
     """

@@ -23,7 +23,7 @@ def power(robot: Robot, thrust: Floats) -> Floats:
 
 
 def roll_moments(robot: Robot, thrust: Floats, angles: Floats) -> Floats:
-    """Returns the moment (T, k) [N m] that unequal rotors make about each φ axis.
+    """Returns the moment (T, k) [N·m] that unequal rotors make about each φ axis.
 
     ``a · Σ_r ((p_r − F) × u_r + κ_r u_r) λ_r``: for a pair at ±s/2, ``(λ1 − λ2) (s/2) cosθ`` and
     the part of their drag torques that θ turns onto the axis. ZN23 names this load on the φ servo

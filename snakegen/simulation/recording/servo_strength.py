@@ -77,7 +77,7 @@ def screw_strength(recording: Recording) -> Floats | None:
 def declared_servos(
     robot: Robot, joints: Sequence[str], softer: Mapping[str, float] | None = None
 ) -> dict[str, list[float]]:
-    """Returns stiffness [N m/rad] and damping [N m s/rad] of the servos of joints, for meta.
+    """Returns stiffness [N·m/rad] and damping [N·m·s/rad] of the servos of joints, for meta.
 
     Args:
         robot: whose spec declares them.

@@ -138,7 +138,7 @@ def _arm(facts: Dict, found: Dict) -> list[str]:
     if drawn:
         arm = (
             f"the arm is not its model: mass {drawn['mass']:.3f} of it, dry friction "
-            f"{drawn['friction_n_m'][0]:.2g} N m, encoders off by up to "
+            f"{drawn['friction_n_m'][0]:.2g} N·m, encoders off by up to "
             f"{1e3 * drawn['encoder_offset_max_rad']:.2g} mrad, commands "
             f"{1e3 * drawn['delay_s']:.3g} ms late"
         )
@@ -161,7 +161,7 @@ _TELLERS: tuple[Callable[[Dict, Dict], list[str]], ...] = (
 def _wrench(wrench: Any) -> str:
     """Returns force and torque of a wrench (6,), whichever it has, with size and direction."""
     parts = []
-    for vector, unit in ((wrench[:3], "N"), (wrench[3:], "N m")):
+    for vector, unit in ((wrench[:3], "N"), (wrench[3:], "N·m")):
         size = float(np.linalg.norm(vector))
         if size > 1e-4 * float(np.linalg.norm(wrench)):
             way = " ".join(f"{round(v / size, 2) + 0.0:+.2f}" for v in vector)  # no -0.00

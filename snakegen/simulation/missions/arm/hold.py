@@ -122,7 +122,7 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
 def _load(
     robot: Robot, q: Floats, tip: Tip, force: Floats, gravity: Floats
 ) -> tuple[Floats, list[float]]:
-    """Returns the joints' torques (k,) [N m] under a force at the tip, and that as a wrench."""
+    """Returns the joints' torques (k,) [N·m] under a force at the tip, and that as a wrench."""
     origin = robot.body_of_link(tip.link)[2]
     lever = tip_pose(robot, q, tip).position
     lever = lever - tip_pose(robot, q, Tip(tip.link, tip.body, origin)).position
