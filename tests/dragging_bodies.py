@@ -25,8 +25,8 @@ def random_body(rng, count, size=0.5, drag=0.05):
     )
 
 
-def margins_of(b, **options):
-    sets = apparatus_sets(b.points, b.limits, b.drag)
+def margins_of(b, gimbal_limits=None, **options):
+    sets = apparatus_sets(b.points, b.limits, b.drag, gimbal_limits=gimbal_limits)
     return set_margins(sets, b.hover, **SCALES, **options)
 
 

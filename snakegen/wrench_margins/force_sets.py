@@ -244,7 +244,7 @@ def _merged(found: list[Floats]) -> tuple[Floats, ...]:
             if a is not b and joined and (a[4:6] == b[4:6]).all():
                 found = [np.r_[-np.pi, np.pi, a[2:]], *found]
     kept: list[Floats] = []
-    for p in sorted(found, key=lambda p: -(p[1] - p[0]) * (p[3] - p[2] + 1.0)):
+    for p in sorted(found, key=lambda p: (-(p[1] - p[0]) * (p[3] - p[2] + 1.0), -p[5])):
         if not any(_holds(q, p) for q in kept):
             kept.append(p)
     return tuple(kept)

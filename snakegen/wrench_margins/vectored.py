@@ -176,7 +176,7 @@ def set_margins(
         limited_margins.batch(
             hull, placed, frames, sets.spans, wrenches, tolerance, bounds, twists, rank, calls
         )
-        if one and bounds[0, 0, 1] > 0.0:
+        if one and bounds[0, 0, 1] > 0.0 and not sets.convex.all():
             branch(hull._replace(points=placed[0], frames=frames[0]), *wrenches, *bounds, *twists)
         for i in np.flatnonzero((bounds[:, 0, 1] > 0.0) & (starts > 0)):
             here = hull._replace(points=placed[i], frames=frames[i])

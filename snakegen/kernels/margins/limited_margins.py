@@ -19,7 +19,7 @@ from snakegen.kernels.margins.slice_program import maximise, new_basis, start
 from snakegen.kernels.margins.wrench_subspace import OFF, RANK_TOLERANCE, subspace
 
 STARTS, ROUNDS = 8, 400  # of the search for forces that hold hover where no pieces did
-SUPPORTS = 300  # of one slice's radius
+SUPPORTS = 1000  # of one slice's radius: bodies of rotation take up to 930 to close by 1e-3
 
 
 @jit
@@ -203,6 +203,8 @@ def posture(hull, hover, tolerance, flat, bounds, twists, counts):
             return False
     bounds[0, 1] = 0.0 if flat else np.inf
     for k in range(1, 3):
+        if bounds[k, 0] >= -OFF and bounds[k, 1] <= OFF:  # no thickness but for rounding
+            bounds[k] = 0.0
         above = max(slack(twists[k], hull, hover), 0.0) / np.sqrt((twists[k] ** 2).sum())
         if above < bounds[0, 1] or (flat and k == 1):
             bounds[0, 1] = above if not flat else 0.0

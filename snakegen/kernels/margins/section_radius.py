@@ -131,8 +131,8 @@ def radius(torque, sets, hull, hover, frame, tolerance, body, worst, outer):
             normal[:] = planes[weakest, :3]
         for c in range(3):
             cost[part + c] = normal[c]
-        if used % FRESH == FRESH - 1:
-            refresh(held, basis)
+        if used % FRESH == FRESH - 1 and not refresh(held, basis):
+            start(held, sets, hover, basis)
         below, above = maximise(cost, held, hover, sets, GAP * tolerance, basis, forces, twist)
         if above < upper:
             upper = above
@@ -141,8 +141,10 @@ def radius(torque, sets, hull, hover, frame, tolerance, body, worst, outer):
         if wider < beyond:
             beyond = wider
             outer[:] = twist
-        if below == -np.inf or upper < -FLAT * max(size, 1e-3):
+        if upper < -FLAT * max(size, 1e-3) or (below == -np.inf and count == 0):
             return -np.inf, upper, beyond, used
+        if below == -np.inf:  # the polytope so far lies in the sets all the same
+            break
         size = max(size, _point(torque, forces, sets, hover, points[used]))
         used += 1
         if count > 0:
@@ -181,8 +183,8 @@ def outer_radius(torque, hull, hover, tolerance, body, outer):
             break
         for c in range(3):
             cost[part + c] = planes[weakest, c]
-        if used % FRESH == FRESH - 1:
-            refresh(held, basis)
+        if used % FRESH == FRESH - 1 and not refresh(held, basis):
+            start(held, hull, hover, basis)
         below, above = maximise(cost, held, hover, hull, GAP * tolerance, basis, forces, twist)
         if above < upper:
             upper = above

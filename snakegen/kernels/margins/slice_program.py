@@ -12,15 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from snakegen.kernels.core.inverse import invert
 from snakegen.kernels.core.jit import jit
 from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.types import Floats, Ints
 from snakegen.kernels.margins.force_sets import farthest, wrench_into
 
-PENALTY = 1e3  # of a held wrench that the columns found so far cannot hold
+PENALTY = 1e3  # of a held wrench that the columns found so far cannot hold, to begin with
+STEEPER = 1e3  # times it, once: in thin sets a held torque has a price of one by the drag
 ROUNDS = 200  # of pricing, for one direction
 TINY = 1e-11  # a pivot or a reduced cost below this is rounding
-MISSED = 1e-8  # share of the largest wrench that a held row may miss
+MISSED = 1e-8  # share of the largest wrench that a held row may miss, and shares of a mixture
+REPAIRS = 4  # of a basis that rounding spoilt, for one direction
 
 
 class Basis(NamedTuple):
@@ -28,7 +31,7 @@ class Basis(NamedTuple):
 
     forces: Floats  # (r, 3)
     wrenches: Floats  # (r, 6)
-    owner: Ints  # (r,) apparatus; -1: a held row that nothing gives yet, at PENALTY
+    owner: Ints  # (r,) apparatus; -1: a held row that nothing gives yet
     inverse: Floats  # (r, r) of the basis matrix: the held rows first, then the mixtures
     share: Floats  # (r,)
     cost: Floats  # (r,)
@@ -39,6 +42,15 @@ class Basis(NamedTuple):
     row: Floats  # (6,)
     wrench: Floats  # (6,)
     twist: Floats  # (6,)
+
+
+@bare
+def _along(row, wrench):
+    """Returns the product of two rows (6,)."""
+    total = 0.0
+    for c in range(6):
+        total += row[c] * wrench[c]
+    return total
 
 
 @jit
@@ -84,19 +96,16 @@ def start(held, sets, hover, b):
         b.owner[k + j] = j
         b.inverse[k + j, k + j] = 1.0
     for i in range(k):
-        rest = 0.0
-        for c in range(6):
-            rest += held[i, c] * hover[c]
-            for j in range(n):
-                rest -= held[i, c] * b.wrenches[k + j, c]
+        rest = _along(held[i], hover)
+        for j in range(n):
+            rest -= _along(held[i], b.wrenches[k + j])
         sign = 1.0 if rest >= 0.0 else -1.0
         b.owner[i] = -1
         b.wrenches[i] = 0.0
         b.wrenches[i, i] = sign  # of the row that it fills
         b.inverse[i, i] = sign
         for j in range(n):
-            for c in range(6):
-                b.inverse[i, k + j] -= sign * held[i, c] * b.wrenches[k + j, c]
+            b.inverse[i, k + j] -= sign * _along(held[i], b.wrenches[k + j])
 
 
 @bare
@@ -138,16 +147,12 @@ def _prices(b):
 def _enter(j, cost, held, b):
     """Brings apparatus j's candidate into the basis if it pays; True where it does."""
     k, r = held.shape[0], b.share.size
-    own = 0.0
-    for c in range(6):
-        own += cost[c] * b.entering[j, 3 + c]
+    own = _along(cost, b.entering[j, 3:])
     gain = own - b.prices[k + j]
     for i in range(k):
-        b.row[i] = 0.0
-        for c in range(6):
-            b.row[i] += held[i, c] * b.entering[j, 3 + c]
+        b.row[i] = _along(held[i], b.entering[j, 3:])
         gain -= b.prices[i] * b.row[i]
-    if gain <= TINY:
+    if gain <= TINY * (1.0 + abs(b.prices[k + j])):
         return False
     leaves, least = -1, np.inf
     for q in range(r):
@@ -178,24 +183,75 @@ def _enter(j, cost, held, b):
 
 @jit
 def refresh(held, b):
-    """Inverts the basis matrix anew: pivots add up their rounding."""
+    """Inverts the basis matrix anew, as pivots add up their rounding; False if it is singular."""
     k, r = held.shape[0], b.share.size
     a = np.zeros((r, r))
     for q in range(r):
         if b.owner[q] >= 0:
             a[k + b.owner[q], q] = 1.0
-            for i in range(k):
-                for c in range(6):
-                    a[i, q] += held[i, c] * b.wrenches[q, c]
-        else:
-            for i in range(k):
-                a[i, q] = b.wrenches[q, i]
-    b.inverse[:] = np.linalg.inv(a)
+        for i in range(k):
+            a[i, q] = _along(held[i], b.wrenches[q]) if b.owner[q] >= 0 else b.wrenches[q, i]
+    return invert(a, b.inverse)
+
+
+@bare
+def _shares(cost, held, hover, penalty, b):
+    """Fills shares and costs (r,) of the basis; returns its largest wrench and its least share."""
+    k, r = held.shape[0], b.share.size
+    size, least = 0.0, np.inf
+    for q in range(r):
+        b.share[q], b.cost[q] = 0.0, 0.0 if b.owner[q] >= 0 else -penalty
+        for i in range(r):
+            b.share[q] += b.inverse[q, i] * (_along(held[i], hover) if i < k else 1.0)
+        least = min(least, b.share[q])
+        if b.owner[q] >= 0:
+            b.cost[q] = _along(cost, b.wrenches[q])
+            for c in range(6):
+                size = max(size, abs(b.wrenches[q, c]))
+    return size, least
+
+
+@bare
+def _mixture(cost, held, hover, sets, most, b, forces):
+    """Writes the forces (n, 3) that the shares mix; returns c · (w - w0) of their wrench w.
+
+    -inf where they miss a held row, or the sum of an apparatus' shares misses 1, by over `most`.
+    """
+    k, r, n = held.shape[0], b.share.size, sets.faces.size
+    missed = 0.0
+    b.value[:] = 1.0  # left of each mixture
+    forces[:] = 0.0
+    for q in range(r):
+        if b.owner[q] < 0:
+            missed += abs(b.share[q])
+            continue
+        missed += max(-b.share[q], 0.0)
+        b.value[b.owner[q]] -= b.share[q]
+        for c in range(3):
+            forces[b.owner[q], c] += b.share[q] * b.forces[q, c]
+    for j in range(n):
+        missed += abs(b.value[j])
+    if not missed <= most:
+        return -np.inf
+    for c in range(6):
+        b.row[c] = -hover[c]
+    for j in range(n):
+        wrench_into(j, forces[j], sets, b.wrench)
+        for c in range(6):
+            b.row[c] += b.wrench[c]
+    for i in range(k):
+        if abs(_along(held[i], b.row)) > most:
+            return -np.inf
+    return _along(cost, b.row)
 
 
 @jit
 def maximise(cost, held, hover, sets, gap, b, forces, twist):
     """Bounds ``max c · (w - w0)``, H w = H w0, from both sides, to a share `gap` of the bound.
+
+    Pivots on columns that lie close to each other add up rounding until the mixture misses what
+    it holds: then the basis is inverted anew, or begun anew where it holds nothing by then, and
+    held rows that are missed cost more.
 
     Args:
         cost: c, (6,).
@@ -211,59 +267,32 @@ def maximise(cost, held, hover, sets, gap, b, forces, twist):
         (lower, upper); lower is -inf where the sets hold no wrench with H w = H w0 that was
         found, upper < 0 proves for a direction c that hover is out of reach.
     """
-    k, r, n = held.shape[0], b.share.size, sets.faces.size
+    n = sets.faces.size
     d, u, f = np.empty(3), np.empty(3), np.empty(3)
-    upper, lower, size = np.inf, -np.inf, 0.0
-    for q in range(r):
-        b.share[q], b.cost[q] = 0.0, 0.0 if b.owner[q] >= 0 else -PENALTY
-        for i in range(r):
-            rhs = 1.0
-            if i < k:
-                rhs = 0.0
-                for c in range(6):
-                    rhs += held[i, c] * hover[c]
-            b.share[q] += b.inverse[q, i] * rhs
-        if b.owner[q] >= 0:
-            for c in range(6):
-                b.cost[q] += cost[c] * b.wrenches[q, c]
-                size = max(size, abs(b.wrenches[q, c]))
-    for _ in range(ROUNDS):
-        above, reached = _price(cost, held, hover, sets, b, d, u, f)
-        if above < upper:
-            upper = above
-            twist[:] = b.twist
-        if upper < 0.0 or upper - reached <= gap * upper:
+    upper, lower = np.inf, -np.inf
+    size, _ = _shares(cost, held, hover, PENALTY, b)
+    for again in range(REPAIRS + 1):
+        entered = False
+        for _ in range(ROUNDS):
+            above, reached = _price(cost, held, hover, sets, b, d, u, f)
+            if above < upper:
+                upper = above
+                twist[:] = b.twist
+            if upper < 0.0 or upper - reached <= gap * upper:
+                break
+            moved = False
+            for j in range(n):
+                if _enter(j, cost, held, b):
+                    moved = True
+                    _prices(b)
+            if not moved:
+                break
+            entered = True
+        lower = _mixture(cost, held, hover, sets, MISSED * size, b, forces)
+        if lower > -np.inf or upper < 0.0 or (again > 0 and not entered):
             break
-        moved = False
-        for j in range(n):
-            if _enter(j, cost, held, b):
-                moved = True
-                _prices(b)
-        if not moved:
-            break
-    missed = 0.0
-    forces[:] = 0.0
-    for q in range(r):
-        if b.owner[q] < 0:
-            missed += abs(b.share[q])
-            continue
-        missed += max(-b.share[q], 0.0)
-        for c in range(3):
-            forces[b.owner[q], c] += b.share[q] * b.forces[q, c]
-    if missed > MISSED * size:
-        return lower, upper
-    lower, gap_wrench = 0.0, np.zeros(6)
-    for j in range(n):
-        wrench_into(j, forces[j], sets, b.wrench)
-        for c in range(6):
-            gap_wrench[c] += b.wrench[c]
-    for c in range(6):
-        gap_wrench[c] -= hover[c]
-        lower += cost[c] * gap_wrench[c]
-    for i in range(k):
-        off = 0.0
-        for c in range(6):
-            off += held[i, c] * gap_wrench[c]
-        if abs(off) > MISSED * size:
-            return -np.inf, upper
+        regular = refresh(held, b)
+        if not regular or _shares(cost, held, hover, PENALTY * STEEPER, b)[1] < -MISSED:
+            start(held, sets, hover, b)
+            _shares(cost, held, hover, PENALTY * STEEPER, b)
     return lower, upper
