@@ -115,6 +115,9 @@ def test_saturation_is_red():
 
 def test_drawable_urdf_has_colours_and_absolute_meshes(tmp_path: Path):
     urdf = URDF.replace('<box size="0.05 0.05 0.03"/>', '<mesh filename="meshes/fan.stl"/>')
+    assert "fan.stl" not in drawable(urdf, tmp_path)  # rerun would warn of a file that is nowhere
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "fan.stl").touch()
     text = drawable(urdf, tmp_path)
     assert str(tmp_path / "meshes" / "fan.stl") in text
     assert text.count("<visual>") == text.count("<material")

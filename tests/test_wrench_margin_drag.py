@@ -256,7 +256,7 @@ def test_controller_failure_and_guarantee_take_the_drag():
     less = SimpleNamespace(**vars(b))
     for name in ("points", "limits", "drag"):
         setattr(less, name, np.delete(getattr(b, name), 1, axis=0))
-    assert lost.wrench == pytest.approx(margins_of(less).wrench, rel=1e-9)
+    assert lost.wrench == pytest.approx(margins_of(less).wrench, rel=1e-6)  # both by search
     sure = guaranteed_vectored(sets, b.hover, mass=0.0, thrust=0.0, **SCALES)
     np.testing.assert_array_equal(sure.force, margins_of(b).force_bounds[0])
 

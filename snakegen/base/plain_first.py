@@ -1,9 +1,9 @@
 """Chooses between a plain function and its compiled twin, without anybody waiting for a compiler.
 
 The first calls of a process are plain NumPy, which answers one posture at once; a loop soon runs
-compiled. Both compute the same to round-off, which tests hold, and the choice depends on the
-number of calls alone, never on what the kernel cache holds: a command prints the same digits on
-its first day and on its second.
+compiled. Both compute the same to round-off, or bounds of one figure that both close to the same
+tolerance, which tests hold; the choice depends on the number of calls alone, never on what the
+kernel cache holds: a command prints the same digits on its first day and on its second.
 """
 
 from collections.abc import Callable

@@ -27,7 +27,7 @@ NOISE = 1e-14  # of the sum, by which rounding may raise it
 
 
 class Balance(NamedTuple):
-    """Minima of m sums: x (m, k), forces (m, n, 3), whether they balance (m,)."""
+    """Minima of m sums: x (m, k), forces (m, n, 3) that balance one, whether there are any (m,)."""
 
     x: Floats
     forces: Floats
@@ -69,6 +69,7 @@ def balance(
     size = np.linalg.norm(start, axis=2).max(axis=1, initial=0.0)
     size[size == 0.0] = 1.0
     steepest = np.einsum("mjck,j->mk", np.abs(maps), limit).max(axis=1, initial=1e-300)
+    kept, balanced = np.zeros(start.shape), np.zeros(len(x), bool)
     for rounding in ROUNDINGS:
         open_ = np.arange(len(x))
         for _ in range(STEPS):
@@ -78,9 +79,12 @@ def balance(
             open_ = open_[(slope > STILL / rounding * steepest[open_]) & ~beyond]
             if not open_.size:
                 break
-    forces, _ = _forces(x, start, maps, limit, rounding * size)
-    gap = np.abs(np.einsum("mjck,mjc->mk", maps, forces) - cost).max(axis=1, initial=0.0)
-    return Balance(x, forces, gap <= BALANCED * steepest)
+        # the sharpest rounding may be too sharp for a sum: what balanced before it still holds
+        forces, _ = _forces(x, start, maps, limit, rounding * size)
+        gap = np.abs(np.einsum("mjck,mjc->mk", maps, forces) - cost).max(axis=1, initial=0.0)
+        good = gap <= BALANCED * steepest
+        kept[good], balanced = forces[good], balanced | good
+    return Balance(x, kept, balanced)
 
 
 def _forces(
