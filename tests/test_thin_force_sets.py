@@ -15,6 +15,7 @@ import snakegen
 from snakegen.analysis.allocation import allocation
 from snakegen.kernels.core.inverse import invert
 from snakegen.kernels.margins.convex_pieces import pieces_into
+from snakegen.kernels.margins.inner_radius import insert, simplex
 from snakegen.kernels.margins.limited_margins import empty_pieces
 from snakegen.kernels.margins.section_radius import section
 from snakegen.kernels.margins.slice_program import maximise, new_basis, refresh, start
@@ -151,6 +152,15 @@ def test_a_body_of_rotation_closes():
     assert m.rank == 5 and m.torque == 0.0
 
 
+def test_flat_faces_do_not_tear_the_polytope():
+    """Many points lie in one face, but for the rounding of their forces."""
+    drag = 1e-3 * np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    points, frames = 0.25 * ring(6, 0.0)[:, :, 0], ring(6, np.pi / 2)
+    sets = ForceSets.checked(points, frames, 0.0, 10.0, [-0.8, 0.8], [0.0, 0.0], drag)
+    m = check(sets, np.array([0, 0, 20.9, 0, 0, 0]), 20.9, 5.225)
+    assert m.calls[0] < 100
+
+
 def test_a_spoilt_inverse_is_repaired(tilting):
     sets, (hover, force, torque) = tilting
     hull, unit = sets.hull((force, torque)), hover / np.repeat([force, torque], 3)
@@ -188,3 +198,13 @@ def test_the_piece_of_a_disc_is_the_stronger_way_of_its_rotor():
     convex = empty_pieces(hull)
     pieces_into(np.array([[0.0, 0.0, 1.0]]), hull, convex)
     assert convex.high[0] == 10.0
+
+
+def test_a_torn_polytope_is_called_so():
+    """A fan that outgrows its arrays is not written beside them."""
+    points = np.vstack([np.eye(3), -np.eye(3), np.full((1, 3), 2.0)])
+    facets, planes = np.empty((8, 3), np.int64), np.empty((8, 4))
+    edges, count = np.empty((60, 2), np.int64), simplex(points, 6, facets, planes)[0]
+    assert count == 4
+    facets, planes = facets[:4].copy(), planes[:4].copy()
+    assert insert(points, 6, facets, planes, count, edges, 1e-9)[0] == 0

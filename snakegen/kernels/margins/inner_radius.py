@@ -76,7 +76,8 @@ def simplex(points, count, facets, planes):
 def insert(points, new, facets, planes, count, edges, slack):
     """Adds point `new`: its visible facets give way to a fan.
 
-    Returns the number of facets and the one nearest to the origin.
+    Returns the number of facets and the one nearest to the origin; 0 facets where rounding has
+    torn the polytope and they outgrow their arrays.
     """
     x, y, z = points[new, 0], points[new, 1], points[new, 2]
     open_edges, kept, weakest, least = 0, 0, 0, np.inf
@@ -103,6 +104,8 @@ def insert(points, new, facets, planes, count, edges, slack):
             else:
                 edges[open_edges, 0], edges[open_edges, 1] = a, b
                 open_edges += 1
+    if kept + open_edges > len(facets):
+        return 0, weakest
     for m in range(open_edges):
         _facet(points, edges[m, 0], edges[m, 1], new, facets, planes, kept)
         if planes[kept, 3] < least:
@@ -207,3 +210,5 @@ def radius(torque, p, limit, hover, frame, tolerance, work, worst):
         _keep(points, directions, multipliers, used, point, e, z)
         count, weakest = insert(points, used, facets, planes, count, edges, slack)
         used += 1
+        if count == 0:
+            return lower, upper, used

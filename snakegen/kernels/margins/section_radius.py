@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from snakegen.kernels.core.jit import jit
+from snakegen.kernels.core.no_alloc import bare
 from snakegen.kernels.core.types import Floats, Ints
 from snakegen.kernels.margins.force_sets import slack
 from snakegen.kernels.margins.inner_radius import insert, simplex
@@ -16,6 +17,7 @@ from snakegen.kernels.margins.slice_program import maximise, new_basis, refresh,
 POINTS = 300  # then the search says that it did not close
 GAP = 0.1  # of the tolerance: of one support
 FLAT = 1e-9  # share of the largest wrench below which a slice has no thickness
+ROUGH = 1e-9  # share of the largest wrench by which rounding moves points: faces are flat to that
 FRESH = 8  # supports between two inversions of the basis
 USED, COUNT, WEAKEST = range(3)  # of a polytope's state
 
@@ -70,6 +72,12 @@ def _point(torque, forces, sets, hover, out):
     return max(abs(out[0]), abs(out[1]), abs(out[2]))
 
 
+@bare
+def _closed(count, used):
+    """Tells whether a polytope of `used` points can have `count` facets: 2 V - 4 of V corners."""
+    return 0 < count <= 2 * used - 4
+
+
 @jit
 def reach(torque, normal, sets, hover, gap):
     """Returns an upper bound of how far convex sets reach along a direction (3,) of a slice."""
@@ -112,18 +120,16 @@ def radius(torque, sets, hull, hover, frame, tolerance, body, worst, outer):
             normal[:] = sign * frame[used // 2]
         elif count == 0:
             count, first, second, third, fourth = simplex(points, used, facets, planes)
-            if count == 0:  # flat as yet: look across the plane of the points
-                if tries == 4:
-                    return 0.0, upper if upper > FLAT * size else 0.0, beyond, used
-                _across(points, first, second, third, frame, tries, normal)
-                tries += 1
-            else:
-                for q in range(used):
-                    if q not in (first, second, third, fourth):
-                        count, weakest = insert(
-                            points, q, facets, planes, count, edges, 1e-13 * size
-                        )
+            for q in range(used):
+                if count > 0 and q not in (first, second, third, fourth):
+                    count, weakest = insert(points, q, facets, planes, count, edges, ROUGH * size)
+            if _closed(count, used):
                 continue
+            count = 0  # flat as yet, but for rounding: look across the plane of the points
+            if tries == 4:
+                return 0.0, upper if upper > FLAT * size else 0.0, beyond, used
+            _across(points, first, second, third, frame, tries, normal)
+            tries += 1
         else:
             lower = planes[weakest, 3]
             if upper - lower <= tolerance * upper:
@@ -148,9 +154,12 @@ def radius(torque, sets, hull, hover, frame, tolerance, body, worst, outer):
         size = max(size, _point(torque, forces, sets, hover, points[used]))
         used += 1
         if count > 0:
-            if below - lower <= 1e-12 * size:
+            if below - lower <= ROUGH * size:
                 break
-            count, weakest = insert(points, used - 1, facets, planes, count, edges, 1e-13 * size)
+            count, weakest = insert(points, used - 1, facets, planes, count, edges, ROUGH * size)
+            if not _closed(count, used):
+                count = 0
+                break
             lower = planes[weakest, 3]
     state[USED], state[COUNT], state[WEAKEST] = used, count, weakest
     return lower, upper, beyond, used
@@ -189,11 +198,14 @@ def outer_radius(torque, hull, hover, tolerance, body, outer):
         if above < upper:
             upper = above
             outer[:] = twist
-        if below - lower <= 1e-12 * size:
+        if below - lower <= ROUGH * size:
             break
         size = max(size, _point(torque, forces, hull, hover, points[used]))
         used += 1
-        count, weakest = insert(points, used - 1, facets, planes, count, edges, 1e-13 * size)
+        count, weakest = insert(points, used - 1, facets, planes, count, edges, ROUGH * size)
+        if not _closed(count, used):
+            count = 0
+            break
     state[USED], state[COUNT], state[WEAKEST] = used, count, weakest
     return upper, used - begun
 
