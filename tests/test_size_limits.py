@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -125,3 +126,36 @@ def test_a_chain_of_too_many_joints_is_refused_before_mujoco(
     assert not list(tmp_path.iterdir())
     monkeypatch.setattr(pipeline, "MOST_JOINTS", 14)
     assert build("dragon4", tmp_path / "out", picture=False).urdf.is_file()
+
+
+def test_a_chain_deeper_than_mujoco_compiles_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Four links, three crosses, and gimbal, arm and rotor of the last: counted along the tree."""
+    made = build("dragon4", tmp_path / "made", picture=False)
+    model = mujoco.MjModel.from_xml_path(str(made.mjcf))
+    depth = np.zeros(model.nbody, int)
+    for body in range(1, model.nbody):
+        depth[body] = depth[model.body_parentid[body]] + 1
+    deepest = int(depth.max())
+    text = made.urdf.read_text(encoding="utf-8")
+    monkeypatch.setattr(pipeline, "DEEPEST", deepest)
+    pipeline.refuse_deep_chains(text, "dragon4")
+    monkeypatch.setattr(pipeline, "DEEPEST", deepest - 1)
+    with pytest.raises(SpecError, match=rf"dragon4: {deepest} links in a row"):
+        build("dragon4", tmp_path / "out", picture=False)
+    assert not (tmp_path / "out").exists()
+
+
+def test_mujoco_compiles_as_many_bodies_in_a_row_as_a_build_takes() -> None:
+    for count, fits in ((pipeline.DEEPEST, True), (pipeline.DEEPEST + 1, False)):
+        spec = mujoco.MjSpec()
+        body = spec.worldbody
+        for _ in range(count):
+            body = body.add_body()
+            body.add_geom(size=[1.0, 1.0, 1.0])
+        if fits:
+            assert spec.compile().nbody == count + 1
+        else:
+            with pytest.raises(ValueError, match="depth"):
+                spec.compile()

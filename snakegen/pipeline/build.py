@@ -4,6 +4,7 @@ The folder changes whole or not at all: everything is made beside it and renamed
 """
 
 import re
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from snakegen.spec.loading import load_spec
 from snakegen.spec.robot_spec import RobotSpec
 
 MOST_JOINTS = 3000  # moving ones of a robot that is built, so that it takes some two minutes
+DEEPEST = 1023  # links in a row; MuJoCo compiles no body deeper in its tree
 _MOVING = re.compile(r'<joint [^>]*type="(?:revolute|continuous|prismatic)"')
 
 
@@ -86,6 +88,7 @@ def build(
         spec_path.write_text(yaml_file.dump(resolved), encoding="utf-8")
         urdf_path, text = _write_urdf(spec_path, spec.name, mesh_uri)
         refuse_many_joints(text, spec.name)
+        refuse_deep_chains(text, spec.name)
         made = parts.write_meshes(folder / "meshes", _needed(parts.unit_meshes(), text))
         made |= parts.write_meshes(folder / "meshes", drum_meshes(resolved))
         made |= _payload_mesh(spec, folder)
@@ -120,6 +123,34 @@ def refuse_many_joints(text: str, name: str) -> None:
             f"{name}: {count:,} moving joints; up to {MOST_JOINTS:,} are built, since MuJoCo takes "
             "minutes for more (the time grows with their cube). Fewer links, gimbals or wheels "
             "would do."
+        )
+
+
+def refuse_deep_chains(text: str, name: str) -> None:
+    """Refuses a URDF with more links in a row than MuJoCo compiles.
+
+    Raises:
+        SpecError: with their number and what would do.
+    """
+    parent = {
+        joint.find("child").get("link"): joint.find("parent").get("link")  # type: ignore[union-attr]
+        for joint in ET.fromstring(text).iterfind("joint")
+    }
+    depth: dict[str | None, int] = {}
+    for link in parent:
+        row: list[str | None] = []
+        at: str | None = link
+        while at in parent and at not in depth:
+            row.append(at)
+            at = parent[at]
+        below = depth.get(at, 1)
+        for k, one in enumerate(reversed(row), start=1):
+            depth[one] = below + k
+    deepest = max(depth.values(), default=1)
+    if deepest > DEEPEST:
+        raise SpecError(
+            f"{name}: {deepest:,} links in a row (crosses of two-axis joints count); MuJoCo takes "
+            f"up to {DEEPEST:,}. Fewer links, or joints of one axis, would do."
         )
 
 
