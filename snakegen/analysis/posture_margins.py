@@ -1,7 +1,7 @@
 """Margins of one posture as a typed result: values with units, bounds, directions, limits."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -108,8 +108,7 @@ class PostureMargins:
         Raises:
             AnalysisError: no such margin, hover out of reach, or an optimum that was not found.
         """
-        robot = self.configuration.robot
-        assert isinstance(robot, Robot)
+        robot = cast(Robot, self.configuration.robot)
         return margin_gradient(robot, self.configuration, kind, self.mode, wrt)
 
     def __repr__(self) -> str:
@@ -169,8 +168,7 @@ def _result(
     tolerance: float = 0.0,
 ) -> PostureMargins:
     """Returns the typed result of one mode's margins."""
-    robot = q.robot
-    assert isinstance(robot, Robot)
+    robot = cast(Robot, q.robot)
     dual = isinstance(found, ThrustMargins)
     units = robot.apparatus_names
     rotors = [r.label for part in robot.modules.apparatuses for r in part.rotors]

@@ -260,7 +260,8 @@ def _clear_of_contact(
             kept, rank = (start, missed, track, near), made
         if track is None or near is None or (near.free and (k == 0 or track.complete)):
             break
-    assert kept is not None
+    if kept is None:
+        raise AnalysisError("at least one posture must be tried.")
     return (*kept, k + 1)
 
 

@@ -116,21 +116,20 @@ class StaticsResult:
             out += self._tip_rows(self.tip_load)
         if self.worst is not None:
             use = f"{100 * self.worst['use']:.3g} % of {self.worst['joint']}"
-            out.append(("worst posture", f"{use} at {self._worst_angles()}"))
+            out.append(("worst posture", f"{use} at {self._worst_angles(self.worst)}"))
             if self.worst["use_bound"] is not None:
                 most = f"no posture takes more than {100 * self.worst['use_bound']:.4g} %"
                 out.append(("", f"{most} of any joint (proved)"))
         names = tuple(self.joints[i] for i in held)
         return out + joint_rows(names, self.torque[held], self.limit[held], self.use[held])
 
-    def _worst_angles(self) -> str:
+    def _worst_angles(self, worst: Mapping[str, Any]) -> str:
         """Returns the chain's angles of the worst posture; gimbals follow from them in hover."""
-        assert self.worst is not None
-        posture = {k: x for k, x in self.worst["posture"].items() if k not in self.gimbals}
+        posture = {k: x for k, x in worst["posture"].items() if k not in self.gimbals}
         bent = {k: x for k, x in posture.items() if abs(x) >= 0.00005}
         angles = ", ".join(f"{k} {x:+.4f}" for k, x in bent.items()) or "all joints at 0"
         return angles + (
-            ", gimbals pointed up" if self.gimbals and self.worst["support"] != "base" else ""
+            ", gimbals pointed up" if self.gimbals and worst["support"] != "base" else ""
         )
 
     def _tip_rows(self, load: TipLoad) -> list[tuple[str, str]]:

@@ -3,6 +3,7 @@
 import click
 
 from snakegen.cli import HELP
+from snakegen.errors import SnakegenError
 
 
 @click.command(context_settings=HELP)
@@ -20,5 +21,6 @@ def completion(shell: str) -> None:
     from snakegen.cli import cli
 
     kind = get_completion_class(shell)
-    assert kind is not None  # the choice above names click's own
+    if kind is None:
+        raise SnakegenError(f"click completes no commands for {shell}.")
     click.echo(kind(cli, {}, "snakegen", "_SNAKEGEN_COMPLETE").source())
