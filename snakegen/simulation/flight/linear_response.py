@@ -8,7 +8,6 @@ controller; saturation and the air's damping are not in it.
 
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 from scipy.signal import lfilter
 
@@ -134,11 +133,7 @@ def wind_wrench(world: World, q: Floats, wind: Floats, what: Imperfections) -> F
     ``√(ρAT/2) V⊥`` (docs/flights.md), at the thrusts of hover.
     """
     model, robot, rho = world.model, world.robot, what.air_density
-    data = mujoco.MjData(model)
-    world.set_state(data, q)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    cog = data.subtree_com[model.body(robot.root_link).id]
+    data, cog = world.posed(q)
     rotors = [r for a in robot.modules.apparatuses for r in a.rotors]
     sites = [model.site(r.label).id for r in rotors]
     axes = data.site_xmat[sites].reshape(-1, 3, 3)[:, :, 2]

@@ -5,7 +5,6 @@ while. That is no imperfection of the hardware, and integrals are slow to make u
 are those of `kernels.air`, evaluated here in NumPy at a few postures of a plan.
 """
 
-import mujoco
 import numpy as np
 
 from snakegen.analysis.allocation import allocation
@@ -64,11 +63,7 @@ def stream_wrench(world: World, q: Floats, thrust: Floats, what: Imperfections) 
         what: air density and drag coefficient.
     """
     model, robot = world.model, world.robot
-    data = mujoco.MjData(model)
-    world.set_state(data, q)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    cog = data.subtree_com[model.body(robot.root_link).id]
+    data, cog = world.posed(q)
     rotors = [r for a in robot.modules.apparatuses for r in a.rotors]
     sites = [model.site(r.label).id for r in rotors]
     origin, axes = data.site_xpos[sites], data.site_xmat[sites].reshape(-1, 3, 3)[:, :, 2]

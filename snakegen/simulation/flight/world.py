@@ -51,6 +51,14 @@ class World:
         """Whether the base is free."""
         return self.robot.floating
 
+    def posed(self, q: Floats) -> tuple[mujoco.MjData, Floats]:
+        """Returns data of the kinematics at q (nq,), and the centre of gravity (3,) [m], world."""
+        data = mujoco.MjData(self.model)
+        self.set_state(data, q)
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
+        return data, data.subtree_com[self.model.body(self.robot.root_link).id]
+
     def set_state(self, data: mujoco.MjData, q: Floats, v: Floats | None = None) -> None:
         """Writes a configuration (and velocity) in Pinocchio's order into `data`."""
         base, origin = self.robot.base_pose(q)
