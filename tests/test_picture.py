@@ -1,5 +1,8 @@
 """Off-screen pictures: drawn where GL is to be had, and one clear reason where it is not."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import mujoco
@@ -11,6 +14,11 @@ from snakegen.picture.robot_picture import figure, posture_shown
 from snakegen.robot.robot import load
 from snakegen.spec.loading import load_spec
 
+BALL = """
+<mujoco>
+  <worldbody><body><freejoint/><geom type="sphere" size="0.3" mass="1"/></body></worldbody>
+</mujoco>
+"""
 SCENE = """
 <mujoco>
   <asset>
@@ -128,6 +136,23 @@ def test_without_gl_there_is_a_reason(scene: Path, monkeypatch: pytest.MonkeyPat
     assert picture.reason.startswith("no off-screen GL (egl: ") and "\n" not in picture.reason
     monkeypatch.setenv("MUJOCO_GL", "disable")
     assert "switched off" in render(scene, png).reason
+
+
+@pytest.mark.parametrize("backend", ["osmesa", "no-such-backend"])
+def test_commands_run_whatever_gl_is_named(backend: str, tmp_path: Path) -> None:
+    """Importing MuJoCo with a backend that is absent or misspelt fails; no command needs it."""
+    (tmp_path / "ball.xml").write_text(BALL)
+    environment = {k: v for k, v in os.environ.items() if k != "SNAKEGEN_GL"}
+    code = "from snakegen.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "compare", "ball.xml", "ball.xml"],
+        env=environment | {"MUJOCO_GL": backend},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_renderer_that_dies_or_hangs_is_a_reason(

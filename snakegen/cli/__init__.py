@@ -100,10 +100,22 @@ def cli() -> None:
     """
 
 
+def _load_no_gl() -> None:
+    """Keeps `MUJOCO_GL` for the child processes that draw: MuJoCo loads no GL library here.
+
+    A backend that is not installed, or misspelt, then costs a picture, not the command.
+    """
+    chosen = os.environ.get("MUJOCO_GL", "")
+    if chosen and "mujoco" not in sys.modules:
+        os.environ.setdefault("SNAKEGEN_GL", chosen)
+        os.environ["MUJOCO_GL"] = "disable"
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; a user's mistake is one line on stderr and exit code 1."""
     if arguments is None:
         _prepare_streams()
+        _load_no_gl()
     # a kill asks to stop as Ctrl-C does: work folders are cleared on the way out
     INTERRUPTED.clear()
     sys.unraisablehook, sys.excepthook = _unraisable, _uncaught

@@ -91,7 +91,9 @@ def render(
 
 
 def _backends() -> tuple[str, ...]:
-    chosen = os.environ.get("MUJOCO_GL", "").strip().lower()
+    # the command line keeps the user's choice in SNAKEGEN_GL: it loads MuJoCo without GL
+    named = os.environ.get("SNAKEGEN_GL") or os.environ.get("MUJOCO_GL", "")
+    chosen = named.strip().lower()
     if chosen in ("0", "off", "false", "no", "none", "disable", "disabled"):
         return ()
     return (chosen,) if chosen in BACKENDS else BACKENDS
