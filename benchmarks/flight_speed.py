@@ -19,7 +19,8 @@ import numpy as np
 from snakegen.control.controller import flight_controller
 from snakegen.log import Journal, write
 from snakegen.robot.robot import Robot, load
-from snakegen.simulation.flight.loop import Flown, fly
+from snakegen.simulation.flight.flown import Flown
+from snakegen.simulation.flight.loop import fly
 from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections, draw
 from snakegen.simulation.flight.run import run

@@ -28,6 +28,7 @@ from scipy.optimize import least_squares, minimize
 from scipy.spatial.transform import Rotation
 
 from snakegen.wrench_margins.branching import directions
+from snakegen.wrench_margins.branching.piece_pool import Pool, holding_anchors
 from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.vectored import set_margins
 
@@ -193,7 +194,7 @@ def angles_of(sets, f):
     return out.ravel()
 
 
-class Kept(directions.Pool):
+class Kept(Pool):
     """A pool of products that is kept: its forces are witnesses of a lower bound."""
 
     last: ClassVar[dict] = {}
@@ -215,7 +216,7 @@ def witnessed(sets, hover, u, t):
         hull = sets.hull((scale[0], scale[1]))
         w0 = hover / np.repeat(scale, 3)
         pool = Kept(hull, w0, part)
-        for near in directions.holding_anchors(hull, w0, [np.tile(w0[:3], (len(sets), 1))]):
+        for near in holding_anchors(hull, w0, [np.tile(w0[:3], (len(sets), 1))]):
             index = pool.add(near, e)
             if index >= 0:
                 pool.climb(index, e)

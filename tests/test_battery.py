@@ -5,6 +5,7 @@ import pytest
 
 import snakegen
 from snakegen.analysis import hover
+from snakegen.analysis.hover_result import Hover
 from snakegen.control.power import FIGURE_OF_MERIT
 from snakegen.errors import SpecError
 from snakegen.robot.posture import hover_gimbals
@@ -12,7 +13,7 @@ from snakegen.robot.robot import Robot
 from snakegen.spec.loading import load_spec
 
 
-def analysed(*overrides: str, name: str = "dragon4") -> tuple[Robot, hover.Hover]:
+def analysed(*overrides: str, name: str = "dragon4") -> tuple[Robot, Hover]:
     robot = snakegen.load(load_spec(name, overrides=overrides))
     q = hover_gimbals(robot, np.array(robot.configuration({"joint1_yaw": 0.5, "joint2_yaw": 0.5})))
     return robot, hover.analyze(robot, q)

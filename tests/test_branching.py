@@ -3,7 +3,7 @@
 import numpy as np
 from limited_bodies import random_sets
 
-from snakegen.wrench_margins.branching.directions import Pool
+from snakegen.wrench_margins.branching.piece_pool import Pool
 from snakegen.wrench_margins.inputs import force_map
 
 

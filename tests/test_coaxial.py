@@ -17,9 +17,9 @@ from snakegen.control.power import power_factors
 from snakegen.errors import DescriptionError
 from snakegen.kernels.flight.aerodynamics import add_stream, mean_stream, thrust_in_stream
 from snakegen.robot.rotor_streams import mean_inflow, thrust_kept
+from snakegen.simulation.flight.bounds.stream_budget import stream_wrench
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.run import run
-from snakegen.simulation.flight.stream_budget import stream_wrench
 from snakegen.simulation.flight.world import make_world
 from snakegen.wrench_margins.thrust import thrust_margins
 from tests.test_verify_plant import Tied

@@ -18,9 +18,9 @@ from snakegen.control.gains import Gains
 from snakegen.control.gimbal_reach import vectoring_share
 from snakegen.control.poles import flight_loops
 from snakegen.kernels.control.types import DUAL
+from snakegen.simulation.flight.bounds.tilt_budget import air_lags, tilt_lags
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.run import prepare, run
-from snakegen.simulation.flight.tilt_budget import air_lags, tilt_lags
 from snakegen.simulation.flight.trim import SLOW_SECONDS
 
 PLUS = (0.0, 90.0, 180.0, 270.0)

@@ -9,7 +9,7 @@ from snakegen.control.controller import flight_controller
 from snakegen.control.gain_sets import gain_set
 from snakegen.control.poles import compliances
 from snakegen.robot.robot import load
-from snakegen.simulation.flight.linear_response import accelerations, drag_errors, response
+from snakegen.simulation.flight.bounds.linear_response import accelerations, drag_errors, response
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.run import prepare, run
 from snakegen.simulation.recording.signals import position_error

@@ -8,8 +8,13 @@ import pytest
 
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.robot.robot import load
-from snakegen.simulation.flight.error_budget import expected_errors, integral_limits, lags, sources
-from snakegen.simulation.flight.flight_bounds import TABLES, TRIM
+from snakegen.simulation.flight.bounds.error_budget import (
+    expected_errors,
+    integral_limits,
+    lags,
+    sources,
+)
+from snakegen.simulation.flight.bounds.flight_bounds import TABLES, TRIM
 from snakegen.simulation.flight.plant import Imperfections, bounded_normal, draw
 from snakegen.simulation.flight.run import prepare
 from snakegen.spec.loading import load_spec

@@ -10,6 +10,7 @@ from scipy.optimize import lsq_linear
 import snakegen
 from snakegen.analysis import hover
 from snakegen.analysis.allocation import allocation
+from snakegen.analysis.hover_result import Hover
 from snakegen.base.geometry import skew
 from snakegen.control.controller import flight_controller
 from snakegen.control.switch import check_mode
@@ -35,7 +36,7 @@ def limited(limit: float = 3.14159265, least: float = 0.0) -> Robot:
     )
 
 
-def hovering(robot: Robot, posture: dict[str, float]) -> hover.Hover:
+def hovering(robot: Robot, posture: dict[str, float]) -> Hover:
     return hover.analyze(robot, hover_gimbals(robot, robot.configuration(posture)))
 
 

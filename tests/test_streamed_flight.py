@@ -20,8 +20,9 @@ from snakegen.errors import SnakegenError
 from snakegen.log import plots, read, write
 from snakegen.log.skeleton import angles_of, rotations_from_xyzw
 from snakegen.robot.robot import load
-from snakegen.simulation.flight.error_budget import lags
-from snakegen.simulation.flight.loop import Flown, fly
+from snakegen.simulation.flight.bounds.error_budget import lags
+from snakegen.simulation.flight.flown import Flown
+from snakegen.simulation.flight.loop import fly
 from snakegen.simulation.flight.plan import Failure
 from snakegen.simulation.flight.plant import Imperfections, NoiseStream, draw
 from snakegen.simulation.flight.run import prepare, run

@@ -14,11 +14,11 @@ from snakegen.description.mjcf.decorate import lowest_point
 from snakegen.errors import MissionError
 from snakegen.kernels.control.types import Measured, Target
 from snakegen.log import read, write
-from snakegen.simulation.flight.loop import STRETCH, fly, rotation_of
+from snakegen.simulation.flight.loop import STRETCH, fly
 from snakegen.simulation.flight.plan import Failure
 from snakegen.simulation.flight.plant import Imperfections, draw
 from snakegen.simulation.flight.run import prepare, run
-from snakegen.simulation.flight.world import World, make_world
+from snakegen.simulation.flight.world import World, make_world, rotation_of
 from snakegen.simulation.missions import planned
 from snakegen.simulation.recording.clearance import clearances
 from snakegen.simulation.recording.record import record

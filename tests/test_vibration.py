@@ -18,15 +18,14 @@ from snakegen.simulation.flight.vibration import (
     Damping,
     actuator_lag,
     damper,
-    elastic_channels,
     hinges,
     modal_maps,
     retuned,
-    running_mean,
 )
 from snakegen.simulation.flight.world import make_world
 from snakegen.simulation.missions import planned
 from snakegen.simulation.missions.flight.ring import decay
+from snakegen.simulation.recording.bending_signals import elastic_channels, running_mean
 from snakegen.spec.loading import load_spec
 
 STIFF = ["plant.link_stiffness=300", "joint.servo.stiffness=1000", "joint.servo.damping=2"]

@@ -14,7 +14,8 @@ from snakegen.base.geometry import Floats, quaternions_xyzw
 from snakegen.errors import MissionError
 from snakegen.robot.robot import load
 from snakegen.simulation.flight.plan import is_constant
-from snakegen.simulation.flight.run import Ready, prepare
+from snakegen.simulation.flight.prepared_run import PreparedRun
+from snakegen.simulation.flight.run import prepare
 from snakegen.simulation.flight.world import World, make_world
 
 ACTIONS = ("actuators", "wrench")
@@ -69,7 +70,7 @@ class Task:
         if action not in ACTIONS:
             raise MissionError(f"action '{action}' is not known; 'actuators' or 'wrench'.")
         machine = robot if hasattr(robot, "urdf") else load(robot, modules=modules)
-        self.ready: Ready = prepare(machine, mission, options=options)
+        self.ready: PreparedRun = prepare(machine, mission, options=options)
         self.action = action
         self.robot, self.plan = machine, self.ready.plan
         plan = self.plan

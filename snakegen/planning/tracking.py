@@ -6,8 +6,8 @@ acceleration a that the integrals have to hold. They follow within τ = `SETTLIN
 high-pass over the proportional gain, ``e' + e/τ = a'/K_p`` (THEORY A6). A straight body has little
 inertia about its own line, and turns about it for the smallest difference of thrusts.
 
-`simulation.flight.error_budget` judges flights by the same figures, with every source, in the
-posture of the gimbals; here all poses of all seeds are looked at, so the two largest are taken.
+`simulation.flight.bounds.error_budget` judges flights by the same figures, with every source, in
+the posture of the gimbals; here all poses of all seeds are looked at, so the two largest are taken.
 """
 
 from dataclasses import dataclass

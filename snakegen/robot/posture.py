@@ -117,6 +117,18 @@ def angles_by_name(robot: RobotBodies, q: ArrayLike) -> dict[str, float]:
     return {n: float(a) for n, a in zip(robot.joint_names, robot.angles(q), strict=True)}
 
 
+def configuration_labels(robot: RobotBodies) -> list[str]:
+    """Returns the name of each number of q: x y z qx qy qz qw of a free base, then the joints.
+
+    A joint without limits has two, ``name:cos`` and ``name:sin``.
+    """
+    out = ["x", "y", "z", "qx", "qy", "qz", "qw"] if robot.floating else []
+    for name in robot.joint_names:
+        two = robot.model.joints[robot.model.getJointId(name)].nq == 2
+        out += [f"{name}:cos", f"{name}:sin"] if two else [name]
+    return out
+
+
 def posture_text(angles: Mapping[str, float], base_rpy: Iterable[float] = ()) -> str:
     """Returns a posture in one line: joint angles and base attitude that are not 0, rad.
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from snakegen.errors import MissionError, SpecError, near
 from snakegen.simulation.flight.plant import Imperfections
-from snakegen.simulation.flight.run import Ready
+from snakegen.simulation.flight.prepared_run import PreparedRun
 from snakegen.simulation.flight.world import World
 from snakegen.simulation.recording.flight_report import flight_report
 from snakegen.simulation.recording.recording import Recording
@@ -131,7 +131,7 @@ class _Stop(Exception):
 
 
 def monte_carlo(
-    ready: Ready,
+    ready: PreparedRun,
     count: int,
     *,
     seed: int = 0,
@@ -180,7 +180,7 @@ def monte_carlo(
 
 
 def fly_again(
-    ready: Ready, number: int, *, seed: int = 0, spread: Spread | None = None
+    ready: PreparedRun, number: int, *, seed: int = 0, spread: Spread | None = None
 ) -> Recording:
     """Returns the full recording of one trial of `monte_carlo`; on one machine the same bits."""
     world = ready.world()
@@ -193,7 +193,7 @@ def fly_again(
 
 
 def _trial(
-    ready: Ready, world: World, spread: Spread, seed: int, number: int, stop: Event
+    ready: PreparedRun, world: World, spread: Spread, seed: int, number: int, stop: Event
 ) -> Trial:
     def look(_done: int, _total: int) -> None:
         if stop.is_set():
@@ -211,7 +211,7 @@ def _trial(
     return Trial(number, drawn, flown.metrics, survived, not failed, stopped, failed)
 
 
-def lost_beyond(ready: Ready) -> float:
+def lost_beyond(ready: PreparedRun) -> float:
     """Returns the distance [m] from its target beyond which a trial counts as lost.
 
     0.5 m where a flight follows its references, however well it is to follow them; else what the

@@ -7,32 +7,26 @@ WebGL shows the picture of the posture instead.
 from __future__ import annotations
 
 import base64
-import html
-import json
 import tempfile
 import xml.etree.ElementTree as ET
-import zipfile
-from collections.abc import Sequence
-from importlib.resources import files
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from snakegen import __version__
 from snakegen.analysis import catalogue
 from snakegen.base.atomic_io import check_writable, require_suffix, write_atomically
 from snakegen.base.geometry import Floats, quaternion_xyzw
 from snakegen.log import skeleton as sk
 from snakegen.report.answers import answers
 from snakegen.report.collection import Page
-from snakegen.report.page import HTML, heading, plain, tidy
+from snakegen.report.page import HTML, heading, tidy
 from snakegen.robot.posture import angles_by_name
 from snakegen.robot.robot import Robot
 from snakegen.simulation.recording.recording import Recording
 from snakegen.web.body import body_glb, body_joints, body_links, boxes
 from snakegen.web.charts import flight_charts, robot_charts
+from snakegen.web.document import fill_document, section, verdict_section
 
 _FRAMES = 25.0  # poses of a flight a second
 _UNITS = {
@@ -59,10 +53,10 @@ def write_robot_page(page: Page, path: Path, folder: Path | None, command: str) 
     robot, about = page.robot, catalogue()
     charts = robot_charts(page)
     said = [(question, tidy(text)) for question, text in answers(page)]
-    sections = [_section("in short", "", said, [])] if said else []
+    sections = [section("in short", "", said, [])] if said else []
     for name, result in page.results.items():
         rows = [(label, tidy(text)) for label, text in result.rows()]
-        sections.append(_section(name, about[name].help, rows, charts.get(name, [])))
+        sections.append(section(name, about[name].help, rows, charts.get(name, [])))
     hover = page.results.get("hover")
     thrust = [] if hover is None else list(np.asarray(hover.dual_thrust, float))
     data = _body(robot.urdf, folder) | _markings(robot) | _sliders(robot)
@@ -75,7 +69,7 @@ def write_robot_page(page: Page, path: Path, folder: Path | None, command: str) 
         "floor": None,
         "obstacles": [],
     }
-    text = _filled(
+    text = fill_document(
         robot.name, heading(page) + " (rad)", sections, data, _still(robot, page.q), command,
         robot.urdf_hash,
     )  # fmt: skip
@@ -127,13 +121,13 @@ def write_flight_page(
     }
     checks = [] if verdict is None else [(c.line(), c.passed) for c in verdict.checks]
     said = "no verdict" if verdict is None else f"verdict: {verdict.summary()}"
-    sections = [_verdict(said, checks)]
+    sections = [verdict_section(said, checks)]
     metrics = [(_worded(k), _short(v)) for k, v in recording.metrics.items()]
-    sections.append(_section("metrics", "Worked out from the samples.", metrics, []))
-    sections.append(_section("channels", "Every signal of the log.", [], flight_charts(recording)))
+    sections.append(section("metrics", "Computed from the samples.", metrics, []))
+    sections.append(section("channels", "Every signal of the log.", [], flight_charts(recording)))
     about = ", ".join(f"{k} {meta[k]}" for k in ("mission", "mode", "seed") if k in meta)
     start = robot.configuration()
-    text = _filled(
+    text = fill_document(
         str(meta.get("robot", robot.name)), f"{about}; {said}", sections, data,
         _still(robot, start), command, robot.urdf_hash,
     )  # fmt: skip
@@ -200,91 +194,6 @@ def _still(robot: Robot, q: Floats) -> str:
         png = Path(folder) / "posture.png"
         draw_robot(png, figure(robot, q))
         return "data:image/png;base64," + base64.b64encode(png.read_bytes()).decode()
-
-
-def _section(name: str, about: str, rows: Sequence[tuple[str, str]], charts: list[Any]) -> str:
-    cells = "\n".join(
-        f"<tr><td>{html.escape(label.strip())}</td><td>{html.escape(text)}</td></tr>"
-        for label, text in rows
-    )
-    table = f"<table>{cells}</table>" if rows else ""
-    drawn = "".join(f'<div class="chart">{_chart(c)}</div>' for c in charts)
-    drawn = f'<div class="charts">{drawn}</div>' if drawn else ""
-    title = html.escape(name)
-    return (
-        f'<section class="analysis" id="{title}"><h2>{title}</h2><p>{html.escape(about)}</p>'
-        f"{drawn}{table}</section>"
-    )
-
-
-def _verdict(said: str, checks: list[tuple[str, bool]]) -> str:
-    rows = "".join(
-        f'<tr><td class="{"ok" if good else "bad"}">{"ok" if good else "FAIL"}</td>'
-        f"<td>{html.escape(line.split(maxsplit=1)[-1])}</td></tr>"
-        for line, good in checks
-    )
-    return (
-        f'<section class="analysis" id="verdict"><h2>verdict</h2><p>{html.escape(said)}</p>'
-        f"<table>{rows}</table></section>"
-    )
-
-
-def _chart(figure: Any) -> str:
-    config = {"displaylogo": False, "responsive": True}
-    return str(figure.to_html(full_html=False, include_plotlyjs=False, config=config))
-
-
-def _filled(
-    name: str,
-    head: str,
-    sections: list[str],
-    data: dict[str, Any],
-    still: str,
-    command: str,
-    urdf_hash: str,
-) -> str:
-    from plotly.offline import get_plotlyjs
-
-    assets = files("snakegen.web") / "assets"
-    text = (assets / "page.html").read_text(encoding="utf-8")
-    again = (
-        '<section class="analysis"><h2>again</h2><p>This page is made by</p>'
-        f"<pre>{html.escape(command)}</pre></section>"
-    )
-    parts = {
-        "$TITLE": html.escape(name),
-        "$HEADING": html.escape(head),
-        "$STYLE": (assets / "page.css").read_text(encoding="utf-8"),
-        "$STILL": still,
-        "$FOOTER": f"snakegen {__version__}, URDF {urdf_hash[:12]}",
-        "$VIEWER": (assets / "viewer.js").read_text(encoding="utf-8"),
-        "$SECTIONS": "\n".join([f"<script>{get_plotlyjs()}</script>", *sections, again]),
-        "$CHARTS": "",
-        "$DATA": json.dumps(plain(data), allow_nan=False).replace("</", "<\\/"),
-        "$ENGINE": _engine(),
-    }
-    pieces = []
-    while text:  # one pass: what is put in is not searched again
-        start = text.find("$")
-        mark = next((m for m in parts if start >= 0 and text.startswith(m, start)), None)
-        if start < 0:
-            pieces.append(text)
-            break
-        pieces.append(text[:start])
-        pieces.append("$" if mark is None else parts[mark])
-        text = text[start + (1 if mark is None else len(mark)) :]
-    return "".join(pieces)
-
-
-def _engine() -> str:
-    """Returns three.js with its trackball and glTF loader, as trimesh ships them in its viewer."""
-    import trimesh.resources as shipped
-
-    packed = shipped.get_bytes("templates/viewer.zip")
-    with zipfile.ZipFile(BytesIO(packed)) as archive:
-        page = archive.read("viewer.html.template").decode()
-    script = page[page.index("<script>") + len("<script>") : page.rindex("</script>")]
-    return script[: script.rindex("var camera,controls,scene")]
 
 
 def _spacing(time: Floats) -> float:

@@ -10,28 +10,27 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from snakegen import __version__
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError, MissionError
 from snakegen.inverse_kinematics.friction import friction_of
 from snakegen.inverse_kinematics.motion import Motion
-from snakegen.inverse_kinematics.torques_along import Along, torques_along
-from snakegen.kernels.dynamics.inverse_dynamics import NO_LOADS, torques_batch
-from snakegen.kernels.kinematics.jacobians import tip_jacobian
+from snakegen.inverse_kinematics.torques_along import torques_along
 from snakegen.robot.robot import Robot
-from snakegen.simulation.arm.loop import Moved, move
+from snakegen.simulation.arm.loop import move
+from snakegen.simulation.arm.metrics import arm_report
 from snakegen.simulation.arm.plant import draw_arm, expected_joint_error, expected_tip_error
+from snakegen.simulation.arm.record import achieved_torques, arm_channels
 from snakegen.simulation.flight.world import World, make_world
 from snakegen.simulation.monte_carlo import Spread
 from snakegen.simulation.recording.metrics import metrics
-from snakegen.simulation.recording.recording import Channel, Recording, channel
+from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.recording.servo_strength import declared_servos, strength_checks
 from snakegen.simulation.recording.worst_place import judged_verdict
 from snakegen.simulation.run_settings import ARM_STEP as STEP
 from snakegen.simulation.run_settings import RunSettings
-from snakegen.statics.joint_torques import armature, finite
+from snakegen.statics.joint_torques import finite
 from snakegen.statics.tip import Tip, find_tip
 
 LOGGED = 0.002  # s, between rows of the log
@@ -132,7 +131,7 @@ def run_arm(
     q = robot.configuration()
     along = torques_along(robot, q, motion, motion.times(1.0 / STEP), gravity=gravity)
     lead = options.lead
-    drawn, trial = _drawn(world, settings.draw)
+    drawn, trial = draw_trial(world, settings.draw)
     plant = draw_arm(world, rub, settings.seed, ideal=ideal or trial is not None)
     if trial is not None:
         plant = replace(plant, friction=trial.rubbed(plant.friction))
@@ -143,10 +142,10 @@ def run_arm(
         offset=0.0 if trial is None else trial.offset,
         progress=settings.progress,
     )  # fmt: skip
-    made = _law_of(world, moved, gravity)
+    made = achieved_torques(world, moved, gravity)
     rows = np.arange(0, moved.ticks, round(LOGGED / STEP))
     end = find_tip(robot) if goal.tip is None else goal.tip
-    channels = _channels(world, along, moved, made, end, goal.target, rows)
+    channels = arm_channels(world, along, moved, made, end, goal.target, rows)
     meta = {
         "robot": robot.name,
         "mission": mission,
@@ -189,79 +188,7 @@ def run_arm(
     return recording.judged(found, judged_verdict(recording, found, bounds))
 
 
-def arm_metrics(recording: Recording) -> dict[str, Any]:
-    """Returns the numbers of an arm's run, from its log alone.
-
-    ``torque_gap_share``: the servos' torque and friction against the law of the motion asked for,
-    largest over joints and time, as a share of each joint's peak; ``made_gap_share`` against the
-    law of the motion made; ``inverse_gap_share``: MuJoCo's inverse dynamics against the law.
-    ``made_gap_use`` is the second gap as a share of each servo's limit.
-    ``friction_gap_n_m``: the servos' torque against the law without friction, ``_turning`` within
-    50 ms of a joint's turning round, ``_moving`` when it is faster than half its top speed.
-    """
-    law = recording.channel("joint_torque_law").values
-    servo = recording.channel("joint_torque").values
-    rubbed = servo + recording.channel("joint_friction").values
-    peak = np.maximum(np.abs(law).max(axis=0), 1e-12)
-    peak = np.where(peak > 1e-9 * peak.max(), peak, np.inf)  # a joint that bears nothing
-    ways = {
-        "torque_gap_share": rubbed - law,
-        "made_gap_share": rubbed - recording.channel("joint_torque_made").values,
-        "inverse_gap_share": recording.channel("joint_torque_inverse").values - law,
-    }
-    out: dict[str, Any] = {k: float(np.max(np.abs(v) / peak)) for k, v in ways.items()}
-    limit = np.maximum(np.asarray(recording.meta["limits"]["joint_torque"], float), 1e-12)
-    out["made_gap_use"] = float(np.max(np.abs(ways["made_gap_share"]) / limit))
-    time = recording.time
-    out["joint_torque_rms_n_m"] = np.sqrt(np.trapezoid(servo**2, time, axis=0) / np.ptp(time))
-    power = recording.channel("joint_power").values
-    out["joint_power_max_w"] = float(np.max(np.abs(power)))
-    if recording.meta.get("friction_n_m", [0.0])[0] > 0:
-        rate = recording.channel("joint_rate").values
-        turning = _near_turning(time, rate, 0.05)
-        moving = np.abs(rate) > 0.5 * np.abs(rate).max(axis=0)
-        gap = np.abs(servo - law)
-        for name, where in (("turning", turning), ("moving", moving)):
-            out[f"friction_gap_{name}_n_m"] = float(np.max(gap[where])) if where.any() else None
-    return out
-
-
-def arm_report(channels: Mapping[str, Channel]) -> str:
-    """Returns peaks of the servos' and the law's torques side by side, as Markdown."""
-    law, servo = (channels[n].values for n in ("joint_torque_law", "joint_torque"))
-    lines = ["| joint | law, peak N·m | servo, peak N·m | RMS N·m | apart, share of peak |"]
-    lines.append("|---|---|---|---|---|")
-    for j, name in enumerate(channels["joint_torque"].labels):
-        a, b = np.abs(law[:, j]).max(), np.abs(servo[:, j]).max()
-        gap = np.abs(servo[:, j] - law[:, j]).max() / max(a, 1e-12)
-        rms = float(np.sqrt(np.mean(servo[:, j] ** 2)))
-        lines.append(f"| {name} | {a:.4g} | {b:.4g} | {rms:.4g} | {100 * gap:.2g} % |")
-    return "\n".join(lines)
-
-
-def _near_turning(time: Floats, rate: Floats, span: float) -> Any:
-    """Returns (T, k) booleans: within `span` s of a change of sign of a joint's rate."""
-    turned = np.zeros(rate.shape, bool)
-    for j in range(rate.shape[1]):
-        for k in np.flatnonzero(np.diff(np.sign(rate[:, j])) != 0):
-            turned[np.abs(time - time[k]) <= span, j] = True
-    return turned
-
-
-def _law_of(world: World, moved: Moved, gravity: ArrayLike) -> Floats:
-    """Returns the law's torques (T, k) [N·m] of the motion that the servos made."""
-    robot, m, n = world.robot, moved.ticks, len(world.robot.joint_names)
-    v, a = np.zeros((2, m, 6 + n))
-    v[:, 6 + world.chain], a[:, 6 + world.chain] = moved.rates, moved.accelerations
-    base = np.repeat(np.eye(3)[None], m, axis=0)
-    angles = np.ascontiguousarray(moved.qpos[:, world.qpos])
-    out = torques_batch(
-        robot.tree, armature(robot), np.asarray(gravity, float), base, angles, v, a, NO_LOADS
-    )
-    return np.asarray(out[:, 6 + world.chain])
-
-
-def _drawn(world: World, given: Any) -> tuple[dict[str, float], Any]:
+def draw_trial(world: World, given: Any) -> tuple[dict[str, float], Any]:
     """Returns what was drawn for a run, in numbers for its log, and the draw; none without."""
     if given is None:
         return {}, None
@@ -276,71 +203,3 @@ def _drawn(world: World, given: Any) -> tuple[dict[str, float], Any]:
         "offset_max_rad": float(np.abs(plant.offset).max()),
     }
     return numbers, plant
-
-
-def _channels(
-    world: World,
-    along: Along,
-    moved: Moved,
-    made: Floats,
-    tip: Tip,
-    tip_target: Callable[[Floats], Floats] | None,
-    rows: Any,
-) -> dict[str, Channel]:
-    """Returns what is logged, every `LOGGED`-th step."""
-    names, robot = list(along.joints), world.robot
-    angles = moved.qpos[:, world.qpos]
-    asked = angles.copy()
-    asked[:, world.chain] = along.angles[: moved.ticks]
-    law = along.torque()[: moved.ticks]
-    goal = tip_target(along.time[rows]) if tip_target else _tips(robot, asked[rows], tip)
-
-    def per_joint(name: str, values: Floats, **more: Any) -> Channel:
-        return channel(name, values[rows], names, **more)
-
-    def torque(name: str, values: Floats, group: str, meaning: str) -> Channel:
-        return per_joint(name, values, unit="N·m", group=group, meaning=meaning)
-
-    watt = {"unit": "W", "group": "joint power", "meaning": "mechanical power of each servo"}
-    by_law = "joint torque by the law"
-    return {
-        "position": channel("position", _tips(robot, angles[rows], tip), meaning="the tip"),
-        "position_target": channel("position_target", goal, meaning="where the tip should be"),
-        "q": channel("q", world.configurations(moved.qpos[rows]), _q_labels(robot)),
-        "joint_angle": per_joint("joint_angle", angles[:, world.chain]),
-        "joint_command": per_joint("joint_command", along.angles[: moved.ticks]),
-        "joint_rate": per_joint("joint_rate", moved.rates),
-        "servo_deflection": per_joint("servo_deflection", moved.deflection),
-        "joint_torque": per_joint("joint_torque", moved.torque),
-        "joint_torque_law": torque(
-            "joint_torque_law", law, by_law, "the law's, of the motion asked for"
-        ),
-        "joint_torque_gap": torque(
-            "joint_torque_gap", moved.torque - law, "joint torque gap", "servos less law"
-        ),
-        "joint_torque_inverse": torque(
-            "joint_torque_inverse", moved.inverse, "inverse dynamics", "MuJoCo's, of the same"
-        ),
-        "joint_torque_made": torque(
-            "joint_torque_made", made, "law of the motion made", "the law's, of the motion made"
-        ),
-        "joint_friction": torque("joint_friction", moved.friction, "joint friction", "dry"),
-        "joint_power": per_joint("joint_power", moved.torque * moved.rates, **watt),
-    }
-
-
-def _tips(robot: Robot, angles: Floats, tip: Tip) -> Floats:
-    """Returns the tip's places (T, 3) [m] from the base origin."""
-    flat = np.ascontiguousarray(angles)
-    return np.array(
-        [tip_jacobian(robot.tree, np.eye(3), row, tip.body, tip.point)[0] for row in flat]
-    )
-
-
-def _q_labels(robot: Robot) -> list[str]:
-    """Returns the labels of q: joint names, two of a joint that has cos and sin."""
-    out: list[str] = []
-    for name in robot.joint_names:
-        two = robot.model.joints[robot.model.getJointId(name)].nq == 2
-        out += [f"{name}:cos", f"{name}:sin"] if two else [name]
-    return out

@@ -9,6 +9,7 @@ from snakegen.base.geometry import Floats
 from snakegen.base.sample_store import in_pieces
 from snakegen.errors import MissionError
 from snakegen.robot.losses import NONE
+from snakegen.robot.posture import configuration_labels
 from snakegen.robot.robot import Robot
 from snakegen.screw_drive.geometry import yaw_joints
 from snakegen.screw_drive.kinematics import ScrewGeometry
@@ -223,10 +224,7 @@ class _Names:
         self.screws = [s.joint for s in robot.modules.screws]
         driven = {*yaw_joints(robot), *pitch_joints(robot)}
         self.joints = [n for n in robot.chain_joints if n in driven]
-        self.q = ["x", "y", "z", "qx", "qy", "qz", "qw"]
-        for name in robot.joint_names:
-            two = robot.model.joints[robot.model.getJointId(name)].nq == 2
-            self.q += [f"{name}:cos", f"{name}:sin"] if two else [name]
+        self.q = configuration_labels(robot)
 
 
 def configurations(robot: Robot, base: Floats, joints: Floats) -> Floats:

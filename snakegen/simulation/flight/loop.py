@@ -6,7 +6,6 @@ interruptions, failures that become known, and progress. References come and row
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 import mujoco
@@ -23,6 +22,7 @@ from snakegen.kernels.flight.sensing import read_imu
 from snakegen.kernels.kinematics.chain import forward
 from snakegen.simulation.flight import mujoco_arrays
 from snakegen.simulation.flight.falling import fall
+from snakegen.simulation.flight.flown import Flown
 from snakegen.simulation.flight.interrupt import noted
 from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections, Noise
@@ -33,44 +33,6 @@ from snakegen.simulation.flight.world import World
 
 STRETCH = 1.0  # s of flight between two looks at the rest of the world
 REFRESH = 0.25  # s between two looks at the modes that are damped
-
-
-@dataclass(frozen=True, eq=False)
-class Flown:
-    """What a run left behind, a row a tick, taken before the tick's command acts.
-
-    Attributes:
-        ticks: how many rows there are.
-        qpos, qvel, act, force: rows of MuJoCo's state and actuator forces.
-        command: (T, nu) controls asked for.
-        sigma_min, wanted, given: from the controller.
-        contact: (T,) N, normal force of the floor.
-        used: (T,) share of the battery.
-        wind: (T, 3) m/s, world.
-        events: (time, level, text).
-        stopped: "" or why the run ended early.
-        axes: (3, 3) of the CoG frame in the root link, at the start.
-        trimmed: what the integrals held when trimming ended; empty where nothing was trimmed.
-        first: tick of the first row; those before it were taken by `watch`.
-    """
-
-    ticks: int
-    qpos: Floats
-    qvel: Floats
-    act: Floats
-    force: Floats
-    command: Floats
-    sigma_min: Floats
-    wanted: Floats
-    given: Floats
-    contact: Floats
-    used: Floats
-    wind: Floats
-    events: list[tuple[float, str, str]]
-    stopped: str
-    axes: Floats
-    trimmed: dict[str, Any] = field(default_factory=dict)
-    first: int = 0
 
 
 def fly(
@@ -303,10 +265,3 @@ def _flown(run: _Run, part: slice, events: list[tuple[float, str, str]], stopped
     cut = [rows[part] for rows in (*states, *asked, r.contact, r.used, wind)]
     last = (sorted(events), stopped, run.axes, run.trimmed, part.start)
     return Flown(part.stop - part.start, *cut, *last)  # type: ignore[call-arg, arg-type]
-
-
-def rotation_of(wxyz: Floats) -> Floats:
-    """Returns the (3, 3) rotation of a unit quaternion in MuJoCo's order."""
-    out = np.empty(9)
-    mujoco.mju_quat2Mat(out, wxyz)
-    return out.reshape(3, 3)

@@ -171,3 +171,10 @@ def _add_floor(spec: mujoco.MjSpec) -> None:
 def _table(pairs: Sequence[tuple[str | None, str | None]], find: Any) -> Ints:
     rows = [[-1 if n is None else find(n) for n in pair] for pair in pairs]
     return np.array(rows, np.int64).reshape(-1, 2)
+
+
+def rotation_of(wxyz: Floats) -> Floats:
+    """Returns the (3, 3) rotation of a unit quaternion in MuJoCo's order."""
+    out = np.empty(9)
+    mujoco.mju_quat2Mat(out, wxyz)
+    return out.reshape(3, 3)

@@ -17,16 +17,16 @@ import numpy as np
 from snakegen.base.geometry import Floats
 from snakegen.base.sample_store import Columns, SampleStore, in_pieces
 from snakegen.control.controller import Controller
-from snakegen.simulation.flight.loop import Flown
+from snakegen.simulation.flight.flown import Flown
 from snakegen.simulation.flight.plan import Plan
-from snakegen.simulation.flight.vibration import (
+from snakegen.simulation.flight.world import World
+from snakegen.simulation.recording.bending_signals import (
     angle_channel,
     bending,
     energy_channel,
     modal_energy,
     recorded_modes,
 )
-from snakegen.simulation.flight.world import World
 from snakegen.simulation.recording.record import (
     flight_channels,
     flight_meta,

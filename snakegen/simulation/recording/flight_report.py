@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from snakegen.simulation.flight.flight_bounds import TABLES
+from snakegen.simulation.flight.bounds.flight_bounds import TABLES
 from snakegen.simulation.flight.trim import said as said_of
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.recording.summary import outcome

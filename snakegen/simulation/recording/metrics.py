@@ -8,14 +8,21 @@ hundredths of a radian of ZN23 Tables 4 and 6 is their roll, pitch and yaw error
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from snakegen.base.geometry import Floats
 from snakegen.simulation.drive.metrics import drive_metrics
+from snakegen.simulation.recording.clearance_metrics import clearance_metrics
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.row_statistics import (
+    RunningMean,
+    cut,
+    extreme,
+    largest_mean,
+    peak,
+)
 from snakegen.simulation.recording.servo_strength import servo_strength
 from snakegen.simulation.recording.signals import (
     MAY_BE_UNDEFINED,
@@ -29,11 +36,6 @@ from snakegen.simulation.recording.signals import (
 )
 from snakegen.simulation.recording.vibration_metrics import vibration_metrics
 
-Floats = NDArray[np.float64]
-
-AIRBORNE = 0.05  # m above the floor: off it, whatever the landing gear does
-FREE = 0.5  # s without contact: not a bounce
-TOUCHING = 1e-4  # m: contact
 SETTLED = 10.0  # s, after which drives are measured (HA's start error has then decayed)
 
 
@@ -52,7 +54,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
     """
     start, end = _window(recording)
     out: dict[str, Any] = {"duration_s": float(end - start), "finite": _all_finite(recording)}
-    flight = (_tracking, _thrusts, _torques, _clearances, _minima, _energy)
+    flight = (_tracking, _thrusts, _torques, clearance_metrics, _minima, _energy)
     for part in (*flight, vibration_metrics, drive_metrics):
         out.update(part(recording, start, end))
     out.update(servo_strength(recording))
@@ -65,7 +67,7 @@ def _tracking(recording: Recording, start: float, end: float) -> dict[str, Any]:
     for name, unit in (("position", "m"), ("attitude", "rad")):
         if not {name, f"{name}_target"} <= recording.channels.keys():
             continue
-        squares, settled, peaks, last = _Mean(), _Mean(), [], None
+        squares, settled, peaks, last = RunningMean(), RunningMean(), [], None
         for time, error in tracking_error(recording, name).pieces(start, end):
             squares.add(error**2)
             settled.add(error[time > SETTLED] ** 2)
@@ -73,7 +75,7 @@ def _tracking(recording: Recording, start: float, end: float) -> dict[str, Any]:
             last = error[-1]
         out[f"{name}_rmse_{unit}"] = rms = squares.root()
         out[f"{name}_rmse_norm_{unit}"] = None if rms is None else np.linalg.norm(rms)
-        out[f"{name}_max_{unit}"] = _worst(np.array(peaks), np.max)
+        out[f"{name}_max_{unit}"] = extreme(np.array(peaks), np.max)
         out[f"{name}_end_{unit}"] = last
         if settled.count:
             out[f"{name}_rmse_settled_{unit}"] = settled.root()
@@ -87,7 +89,7 @@ def _tracking(recording: Recording, start: float, end: float) -> dict[str, Any]:
             ) -> Floats:
                 return np.abs(recording.held(f"{name}_command", axis[part], part) - angle[part])
 
-            out[f"{name}_tracking_max_rad"] = _peak(
+            out[f"{name}_tracking_max_rad"] = peak(
                 Signal(axis, gap, recording.release).pieces(start, end), np.max
             )
     return out
@@ -98,21 +100,21 @@ def _thrusts(recording: Recording, start: float, end: float) -> dict[str, Any]:
         return {}
     thrust = stored(recording, "thrust")
     width = recording.channel("thrust").values.shape[1]
-    out: dict[str, Any] = {"thrust_max_n": _peak(thrust.pieces(start, end), np.max)}
+    out: dict[str, Any] = {"thrust_max_n": peak(thrust.pieces(start, end), np.max)}
     upper, limited = held_limit(recording, "thrust_max", width), at_limit(recording)
     if upper is None or limited is None:
         return out
     name = "thrust_command" if "thrust_command" in recording.channels else "thrust"
     asked = stored(recording, name).pieces(start, end)
-    finite, busy = all(np.all(np.isfinite(values)) for _, values in asked), _Mean()
+    finite, busy = all(np.all(np.isfinite(values)) for _, values in asked), RunningMean()
     for _, full in limited.pieces(start, end):
         busy.add(np.any(full > 0.0, axis=1))
     out["saturation_share"] = busy.value() if finite else None
     turned = gimbals_at_limit(recording)
     if turned is not None:
-        out["gimbal_angle_limit_share"] = _largest_mean(turned.pieces(start, end))
+        out["gimbal_angle_limit_share"] = largest_mean(turned.pieces(start, end))
     left = ((time, 1.0 - values / upper) for time, values in thrust.pieces(start, end))
-    out["thrust_headroom"] = _peak(left, np.min)
+    out["thrust_headroom"] = peak(left, np.min)
     return out
 
 
@@ -124,7 +126,7 @@ def _torques(recording: Recording, start: float, end: float) -> dict[str, Any]:
         width = recording.channel(name).values.shape[1]
         if width == 0:
             continue
-        peaks, uses, full = [], [], _Mean()
+        peaks, uses, full = [], [], RunningMean()
         limit = held_limit(recording, name, width)
         for _, values in stored(recording, name).pieces(start, end):
             torque = np.abs(values)
@@ -132,64 +134,12 @@ def _torques(recording: Recording, start: float, end: float) -> dict[str, Any]:
             if limit is not None:
                 uses.append((torque / limit).max())
                 full.add(torque >= 0.99 * limit)
-        out[f"{name}_max_n_m"] = _worst(np.array(peaks), np.max)
+        out[f"{name}_max_n_m"] = extreme(np.array(peaks), np.max)
         if limit is not None:
-            out[f"{name}_use"] = _worst(np.array(uses), np.max)
+            out[f"{name}_use"] = extreme(np.array(uses), np.max)
             share = full.value()  # of ticks, the busiest servo
-            out[f"{name}_limit_share"] = None if share is None else _worst(share, np.max)
+            out[f"{name}_limit_share"] = None if share is None else extreme(share, np.max)
     return out
-
-
-def _clearances(recording: Recording, start: float, end: float) -> dict[str, Any]:
-    out: dict[str, Any] = {}
-    for name in ("self_distance", "obstacle_distance"):
-        if name in recording.channels:
-            out[f"min_{name}_m"] = _worst(_cut(recording, name, start, end), np.min)
-    out.update(_floor(recording, end))
-    return out
-
-
-def _floor(recording: Recording, end: float) -> dict[str, Any]:
-    """Returns when the robot left the floor, and what of it touched the floor afterwards.
-
-    It is off once `floor_distance` exceeds 5 cm; where only forces are recorded, once half a
-    second begins that is free of them.
-    """
-    pressed = np.empty(0, np.int64)  # samples with a force of the floor
-    if "floor_contact" in recording.channels:
-        force_time = recording.times("floor_contact")
-        pressed = _rows_where(stored(recording, "floor_contact"), _presses)
-    if "floor_distance" in recording.channels:
-        time = recording.times("floor_distance")
-        height = recording.channel("floor_distance").values.min(axis=1)
-        off = time[height > AIRBORNE]
-    elif "floor_contact" in recording.channels:
-        time, height = force_time, np.empty(0)
-        touches = np.append(force_time[pressed], np.inf)
-        starts = np.append(-np.inf, touches[:-1])
-        free = touches - np.maximum(starts, force_time[0]) >= FREE
-        off = np.maximum(starts, force_time[0])[free & (starts < force_time[-1] - FREE)]
-    else:
-        return {}
-    if not off.size:
-        return {"took_off": False}
-    out: dict[str, Any] = {"took_off": True}
-    contact = 0.0
-    if height.size:
-        aloft = _inside(time, off[0], end)
-        out["min_floor_distance_m"] = _worst(height[aloft], np.min)
-        contact = _held_integral(time, np.flatnonzero(aloft & (height <= TOUCHING)))
-    if pressed.size:
-        at = force_time[pressed]
-        later = pressed[(at > off[0]) & (at <= end)]
-        contact = max(contact, _held_integral(force_time, later))
-    out["floor_contact_after_takeoff_s"] = contact
-    return out
-
-
-def _presses(force: Floats) -> NDArray[np.bool_]:
-    """Tells in which rows (n, k) of forces the floor presses."""
-    return np.asarray(np.nansum(force, axis=1) > 0.0)
 
 
 def _minima(recording: Recording, start: float, end: float) -> dict[str, Any]:
@@ -213,14 +163,14 @@ def _minima(recording: Recording, start: float, end: float) -> dict[str, Any]:
                 values = np.where(np.isnan(values) & (reach < 0.0), 0.0, values)
             defined = values[~np.isnan(values)]
             least += [defined.min()] if defined.size else []
-        out[key] = _worst(np.array(least), np.min)
+        out[key] = extreme(np.array(least), np.min)
     return out
 
 
 def _energy(recording: Recording, start: float, end: float) -> dict[str, Any]:
     out: dict[str, Any] = {}
     if "battery_used" in recording.channels:
-        used = _cut(recording, "battery_used", start, end)
+        used = cut(recording, "battery_used", start, end)
         out["battery_used"] = used[-1, 0] - used[0, 0] if used.size else None  # as energy_j does
         empty = np.flatnonzero(recording.channel("battery_used").values[:, 0] >= 1.0)
         if empty.size:
@@ -257,70 +207,6 @@ def _window(recording: Recording) -> tuple[float, float]:
     if window is None:
         return float(recording.time[0]), float(recording.time[-1])
     return float(window[0]), float(window[1])
-
-
-def _inside(time: Floats, start: float, end: float) -> NDArray[np.bool_]:
-    return (time >= start) & (time <= end)
-
-
-def _cut(recording: Recording, name: str, start: float, end: float) -> Floats:
-    return recording.channel(name).values[_inside(recording.times(name), start, end)]
-
-
-def _rows_where(signal: Signal, holds: Callable[[Floats], NDArray[np.bool_]]) -> NDArray[np.int64]:
-    """Returns the indices of the rows of a signal for which `holds`."""
-    found, first = [], 0
-    for _, values in signal.pieces():
-        found.append(first + np.flatnonzero(holds(values)))
-        first += len(values)
-    return np.concatenate(found) if found else np.empty(0, np.int64)
-
-
-def _held_integral(time: Floats, rows: NDArray[np.int64]) -> float:
-    """Returns the seconds of some samples (indices), each standing for the step after it."""
-    last = rows == time.size - 1
-    steps = time[np.minimum(rows + 1, time.size - 1)] - time[rows]
-    steps[last] = time[-1] - time[-2] if time.size > 1 else 0.0
-    return float(np.sum(steps))
-
-
-class _Mean:
-    """The mean over rows that come in pieces."""
-
-    def __init__(self) -> None:
-        self.total: Any = 0.0
-        self.count = 0
-
-    def add(self, values: NDArray[Any]) -> None:
-        """Adds rows (n, …)."""
-        self.total = self.total + np.sum(values, axis=0)
-        self.count += len(values)
-
-    def value(self) -> Any:
-        """Returns the mean; None without rows."""
-        return self.total / self.count if self.count else None
-
-    def root(self) -> Any:
-        """Returns the root of the mean; None without rows."""
-        return np.sqrt(self.total / self.count) if self.count else None
-
-
-def _peak(pieces: Iterable[tuple[Floats, Floats]], pick: Callable[..., Any]) -> float | None:
-    """Returns the largest or smallest of all values; None where there is none."""
-    return _worst(np.array([pick(values) for _, values in pieces if values.size]), pick)
-
-
-def _largest_mean(pieces: Iterable[tuple[Floats, Floats]]) -> float | None:
-    """Returns the largest mean of a column; None where there is none."""
-    mean = _Mean()
-    for _, values in pieces:
-        mean.add(values)
-    found = mean.value()
-    return None if found is None else _worst(found, np.max)
-
-
-def _worst(values: Floats, pick: Callable[[Floats], Any]) -> float | None:
-    return float(pick(values)) if values.size else None
 
 
 def _all_finite(recording: Recording) -> bool:

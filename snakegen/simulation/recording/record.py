@@ -12,11 +12,13 @@ from snakegen.control.power import AIR, FIGURE_OF_MERIT
 from snakegen.kernels.flight.run_history import cog_history, quaternions, rotations_of
 from snakegen.kernels.kinematics.chain import forward
 from snakegen.robot.modules import Rotor
+from snakegen.robot.posture import configuration_labels
 from snakegen.robot.robot import Robot
-from snakegen.simulation.flight.loop import Flown, rotation_of
+from snakegen.simulation.flight.flown import Flown
 from snakegen.simulation.flight.plan import Plan, frame_targets
-from snakegen.simulation.flight.vibration import bends, elastic_channels
-from snakegen.simulation.flight.world import Ints, World
+from snakegen.simulation.flight.vibration import bends
+from snakegen.simulation.flight.world import Ints, World, rotation_of
+from snakegen.simulation.recording.bending_signals import elastic_channels
 from snakegen.simulation.recording.clearance import clearances
 from snakegen.simulation.recording.margins_along import States, margins_along, true_sigma_min
 from snakegen.simulation.recording.recording import Channel, Event, Recording, channel
@@ -134,11 +136,7 @@ class _Names:
         ]
         self.rolls = [a.roll for a in robot.modules.apparatuses if a.roll is not None]
         self.joints = [robot.joint_names[i] for i in world.chain]
-        base = ["x", "y", "z", "qx", "qy", "qz", "qw"] if robot.floating else []
-        self.q = base
-        for name in robot.joint_names:
-            two = robot.model.joints[robot.model.getJointId(name)].nq == 2
-            self.q = [*self.q, *([f"{name}:cos", f"{name}:sin"] if two else [name])]
+        self.q = configuration_labels(robot)
 
 
 def _motion(

@@ -5,7 +5,7 @@ import numpy as np
 from snakegen.base.geometry import Floats
 from snakegen.control.power import power_factors
 from snakegen.robot.robot import Robot
-from snakegen.simulation.flight.loop import Flown
+from snakegen.simulation.flight.flown import Flown
 from snakegen.simulation.flight.world import World
 
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.simulation.recording.recording import Recording
+from snakegen.simulation.recording.row_statistics import RunningMean
 from snakegen.simulation.recording.signals import Signal, is_finite, stored
 
 SHAKING = 5.0  # Hz, from which on a body's rate is no manoeuvre
@@ -36,10 +37,10 @@ def vibration_metrics(recording: Recording, start: float, end: float) -> dict[st
 
 def _mean(signal: Signal, start: float, end: float) -> Any:
     """Returns the mean (k,) of a signal from `start` to `end` [s]; None without rows."""
-    total, count = 0.0, 0
+    mean = RunningMean()
     for _, values in signal.pieces(start, end):
-        total, count = total + values.sum(axis=0), count + len(values)
-    return total / count if count else None
+        mean.add(values)
+    return mean.value()
 
 
 def shaking(recording: Recording, start: float, end: float) -> dict[str, Any]:

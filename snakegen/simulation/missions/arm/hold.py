@@ -15,6 +15,7 @@ from snakegen.analysis import relief
 from snakegen.base.geometry import Floats
 from snakegen.errors import AnalysisError, MissionError
 from snakegen.robot.kinematics import tip_jacobian
+from snakegen.robot.posture import configuration_labels
 from snakegen.robot.robot import Robot
 from snakegen.simulation.arm.hold import (
     Hold,
@@ -25,7 +26,8 @@ from snakegen.simulation.arm.hold import (
     servo_share,
 )
 from snakegen.simulation.arm.plant import draw_arm
-from snakegen.simulation.arm.run import _drawn, _q_labels, _tips, movable
+from snakegen.simulation.arm.record import tip_positions
+from snakegen.simulation.arm.run import draw_trial, movable
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.world import World, make_world
 from snakegen.simulation.monte_carlo import Spread
@@ -154,7 +156,7 @@ def _check(robot: Robot, posture: RelievedPosture) -> None:
 
 def _plant(world: World, settings: RunSettings) -> tuple[HoldPlant, dict[str, float]]:
     """Returns the hardware of a run, and what was drawn."""
-    drawn, trial = _drawn(world, settings.draw)
+    drawn, trial = draw_trial(world, settings.draw)
     rotors, joints = len(world.rotors), len(world.chain)
     if settings.ideal:
         return HoldPlant(world.model, np.ones(rotors), np.zeros(joints)), drawn
@@ -219,9 +221,9 @@ def _judged(
     tip, links = find_tip(robot), [r.link for a in robot.modules.apparatuses for r in a.rotors]
     law = np.tile(hold.torque, (len(time), 1))
     channels = {
-        "position": channel("position", _tips(robot, angles, tip), meaning="the tip"),
-        "position_target": channel("position_target", _tips(robot, asked, tip)),
-        "q": channel("q", world.configurations(held.qpos), _q_labels(robot)),
+        "position": channel("position", tip_positions(robot, angles, tip), meaning="the tip"),
+        "position_target": channel("position_target", tip_positions(robot, asked, tip)),
+        "q": channel("q", world.configurations(held.qpos), configuration_labels(robot)),
         "joint_angle": channel("joint_angle", angles[:, world.chain], names),
         "joint_command": channel("joint_command", asked[:, world.chain], names),
         "joint_torque": channel("joint_torque", held.torque, names),

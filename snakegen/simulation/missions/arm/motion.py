@@ -6,7 +6,8 @@ from typing import Any
 from snakegen.errors import MissionError
 from snakegen.inverse_kinematics.motion_files import motion_of
 from snakegen.robot.robot import Robot
-from snakegen.simulation.arm.run import ArmOptions, arm_metrics, movable, run_arm
+from snakegen.simulation.arm.metrics import arm_metrics
+from snakegen.simulation.arm.run import ArmOptions, movable, run_arm
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.run_settings import RunSettings
 

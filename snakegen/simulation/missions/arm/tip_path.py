@@ -11,7 +11,8 @@ from snakegen.errors import MissionError
 from snakegen.inverse_kinematics.motion import Motion, Sampled, checked
 from snakegen.inverse_kinematics.tip_paths import port_of
 from snakegen.robot.robot import Robot
-from snakegen.simulation.arm.run import ArmGoal, ArmOptions, arm_metrics, movable, run_arm
+from snakegen.simulation.arm.metrics import arm_metrics
+from snakegen.simulation.arm.run import ArmGoal, ArmOptions, movable, run_arm
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.run_settings import RunSettings
 from snakegen.statics.tip import find_tip

@@ -14,7 +14,8 @@ from snakegen.inverse_kinematics.hole import Hole
 from snakegen.inverse_kinematics.motion import Motion, Sampled, checked
 from snakegen.inverse_kinematics.path_following import chain_of
 from snakegen.robot.robot import Robot, from_urdf_text
-from snakegen.simulation.arm.run import ArmGoal, ArmOptions, arm_metrics, movable, run_arm
+from snakegen.simulation.arm.metrics import arm_metrics
+from snakegen.simulation.arm.run import ArmGoal, ArmOptions, movable, run_arm
 from snakegen.simulation.flight.plan import quintic
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.run_settings import RunSettings

@@ -55,7 +55,7 @@ def applies(robot: Robot) -> bool:
 def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Drives, flies on from where the drive ended, and returns both as one judged recording."""
     from snakegen.simulation.flight.preflight import check_start
-    from snakegen.simulation.flight.run import Ready
+    from snakegen.simulation.flight.prepared_run import PreparedRun
 
     reference = curled(robot, options.distance, options.speed, options.acceleration, options.bend)
     plan = DrivePlan(
@@ -81,7 +81,7 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     }
     meta |= {"gains": str(control.get("gains", "")), "allocator": "paper"}
     rate = float(control.get("position_rate", 40.0))
-    ready = Ready(robot, climb, controller, imperfections, rate, meta)
+    ready = PreparedRun(robot, climb, controller, imperfections, rate, meta)
     rng = np.random.default_rng(settings.seed)
     flown = ready.flown(
         ready.world(), imperfections, rng, settings.seed, settings.progress, margins=False

@@ -31,11 +31,11 @@ from snakegen.control.gain_sets import gain_set
 from snakegen.control.gains import Gains
 from snakegen.kernels.control.types import DUAL
 from snakegen.robot.robot import Robot
-from snakegen.simulation.flight.error_budget import expected_errors, position_peak, sources
-from snakegen.simulation.flight.linear_response import drag_errors
+from snakegen.simulation.flight.bounds.error_budget import expected_errors, position_peak, sources
+from snakegen.simulation.flight.bounds.linear_response import drag_errors
+from snakegen.simulation.flight.bounds.stream_budget import stream_errors
 from snakegen.simulation.flight.plan import Plan, farthest
 from snakegen.simulation.flight.plant import Imperfections
-from snakegen.simulation.flight.stream_budget import stream_errors
 
 DITHER = np.array([0.003] * 3 + [0.003] * 3)  # m, rad: of noise within a run, at the least
 # Position norm and attitude norm in expected norms, and the largest position error in position

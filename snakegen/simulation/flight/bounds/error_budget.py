@@ -22,10 +22,10 @@ from snakegen.control.gain_sets import turned_axes
 from snakegen.kernels.control.types import DUAL
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.robot.robot import GRAVITY, Robot
+from snakegen.simulation.flight.bounds.tilt_budget import air_lags, displacement_left, tilt_lags
 from snakegen.simulation.flight.plan import Plan, farthest, gradient
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.postures import place
-from snakegen.simulation.flight.tilt_budget import air_lags, displacement_left, tilt_lags
 from snakegen.simulation.flight.trim import SETTLING, integral_rates
 
 SIGMAS = 3.0  # standard deviations that clamps allow for

@@ -7,9 +7,9 @@ import numpy as np
 from snakegen.control.controller import Controller
 from snakegen.control.gains import Gains
 from snakegen.robot.robot import Robot
-from snakegen.simulation.flight.error_budget import expected_errors
-from snakegen.simulation.flight.flight_bounds import DITHER, FACTORS, RESPONSE
-from snakegen.simulation.flight.linear_response import response
+from snakegen.simulation.flight.bounds.error_budget import expected_errors
+from snakegen.simulation.flight.bounds.flight_bounds import DITHER, FACTORS, RESPONSE
+from snakegen.simulation.flight.bounds.linear_response import response
 from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections
 
