@@ -200,7 +200,7 @@ REFUSED = [
         "reaches beyond the plate",
     ),
     ("obstacles: []\nstart: {above: roof}", "no opening 'roof'"),
-    ("obstacles: [{kind: mesh, file: none.stl}]", "none.stl is not there"),
+    ("obstacles: [{kind: mesh, file: none.stl}]", "none.stl: no such file"),
     ("obstacles: []\ndemands: {clearence: 1}", "Did you mean 'clearance'"),
     ("obstacles: []\nstart: {cog: [-2000, 0, 1200]}", "as millimetres it is 2 m"),
 ]

@@ -24,7 +24,7 @@ REFUSED = [
     ("build dragon4 --set chain.length=1:30", 1, "as a number (got '1:30')"),
     ("build dragon4 --set chain.length=yes", 1, "as a number (got 'yes')"),
     ("build dragon4 --set name=rü", 1, "letters (a to z, A to Z), digits and _ are needed"),
-    ("build /dev/null", 1, "/dev/null: is no regular file"),
+    ("build /dev/null", 1, "/dev/null: is a device, not a file"),
     ("build dragon4 --save-spec x.txt", 1, "--save-spec x.txt: the file's name must end in .yaml"),
     ("build dragon4 --apparatus 1@1.5", 1, "'1@1.5' is off its link"),
     ("build dragon4 --set vectoring_apparatus.thrust_min=99", 1, "is not below thrust_max"),

@@ -13,6 +13,7 @@ from pathlib import Path
 from threading import Event, Timer, get_ident
 from types import FrameType
 
+from snakegen.base.bounded_text import refuse_special
 from snakegen.base.file_lock import exclusive
 from snakegen.base.folder_swap import exchange_folder, move_files, must_stay
 from snakegen.errors import SnakegenError
@@ -64,9 +65,12 @@ def writing(target: Path) -> Iterator[None]:
     """Turns what the system says while `target` is written into one clear line.
 
     Raises:
-        SnakegenError: no permission, no space, a file in the way.
+        SnakegenError: no permission, no space, a file in the way, a device or named pipe, which a
+            rename would replace by a file.
     """
     try:
+        if target.exists():
+            refuse_special(target)
         yield
     except OSError as error:
         raise SnakegenError(f"{target}: cannot be written ({_reason(error)}).") from None

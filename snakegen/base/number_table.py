@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from snakegen.base import yaml_file
 from snakegen.base.atomic_io import replace_whole, require_suffix, write_atomically
+from snakegen.base.bounded_text import what_is_there
 from snakegen.base.memory import refuse_beyond
 from snakegen.errors import AnalysisError, near
 
@@ -110,7 +111,7 @@ def read_number_table(path: str | Path, columns: Sequence[str] = ()) -> NumberTa
     if file.suffix.lower() not in readers:
         raise AnalysisError(f"{file}: a table's file name ends in {', '.join(ENDINGS)}.")
     if not file.is_file():
-        raise AnalysisError(f"{file}: no such file.")
+        raise AnalysisError(f"{file}: {what_is_there(file)}.")
     return readers[file.suffix.lower()](file, columns)
 
 

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 import yaml
 
+from snakegen.base.bounded_text import read_bounded
 from snakegen.errors import SpecError
 
 _EXECUTABLE = ("${", "$(")
@@ -132,10 +133,12 @@ def read(path: Path) -> Any:
         size = path.stat().st_size
         if size > MAX_BYTES:
             raise SpecError(f"{path}: {size / 1e6:.4g} MB; up to {MAX_BYTES / 1e6:g} MB are read.")
-        text = path.read_text(encoding="utf-8")
+        text = read_bounded(path, MAX_BYTES)
     except FileNotFoundError:
         raise SpecError(f"{path}: no such file.") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise SpecError(f"{path}: cannot be read ({error.strerror or error}).") from None
+    except UnicodeDecodeError as error:
         raise SpecError(f"{path}: cannot be read as UTF-8 text ({error}).") from None
     return parse(text, path.name)
 

@@ -92,6 +92,7 @@ def sweep(
       snakegen analyze sweep dragon4 --samples 20000 --worst --map joint1_yaw,joint2_yaw
       snakegen analyze sweep dragon4 --from postures.csv -o margins.parquet
     """
+    from snakegen.base.atomic_io import check_writable
     from snakegen.robot.posture import posture_line
     from snakegen.sweep.run import body_at
     from snakegen.sweep.run import sweep as run
@@ -118,6 +119,7 @@ def sweep(
     }
     how: dict[str, Any] = {"posture": posture, "tolerance": tolerance}
     how |= {"identity": identity, "resume": resume, "workers": cluster or workers}
+    check_writable(path)
     if drawn.count >= ANNOUNCED and not resume:
         note(_estimate(machine, names, drawn, how))
     with progress_bar(f"{machine.name} sweep") as step, _kept(path):

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationError
 
 from snakegen.base import yaml_file
+from snakegen.base.bounded_text import what_is_there
 from snakegen.errors import SnakegenError, near
 from snakegen.spec.fields import NonNegative, Part, Positive, Real, number
 
@@ -114,7 +115,8 @@ def read_study(path: Path) -> Study:
         StudyError: one line that says what, where and what would have worked.
     """
     if not path.is_file():
-        raise StudyError(f"{path}: no such file; `snakegen design --example` prints a study.")
+        there = what_is_there(path)
+        raise StudyError(f"{path}: {there}; `snakegen design --example` prints a study.")
     data = yaml_file.read(path)
     if not isinstance(data, dict):
         raise StudyError(f"{path.name}: a study is a mapping with 'robot' and 'variables'.")

@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import numpy as np
 
+from snakegen.base.bounded_text import what_is_there
 from snakegen.linter.finding import Finding, finding, label, numbers, shapes
 from snakegen.linter.xml_tree import Node
 
@@ -91,9 +92,11 @@ def _missing(node: Node, where: str, uri: str, file: Path) -> Finding:
     except OSError:
         others = []
     twin = next((o for o in others if o.lower() == file.name.lower()), None)
-    if twin is not None:
+    if twin is not None and file.name not in others:
         return finding("case_mismatch", where, node.line, f"{uri!r} is called {twin!r}")
-    return finding(code, where, node.line, f"the {node.tag} file {uri!r} does not exist")
+    there = what_is_there(file) if file.exists() else "does not exist"
+    there = "is a link to nothing" if file.is_symlink() and not file.exists() else there
+    return finding(code, where, node.line, f"the {node.tag} file {uri!r} {there}")
 
 
 def _content_faults(node: Node, where: str, uri: str, file: Path) -> Iterator[Finding]:

@@ -59,8 +59,10 @@ def lint(
             text = read_bounded(path, LARGEST)
             base = base or path.parent
         return _findings(text, base, frozenset(extensions), quick)
-    except (OSError, ValueError) as fault:
-        reason = getattr(fault, "strerror", None) or getattr(fault, "reason", None) or str(fault)
+    except OSError as fault:
+        return [finding("unreadable", "", 1, f"cannot be read: {fault.strerror or fault}")]
+    except ValueError as fault:
+        reason = getattr(fault, "reason", None) or str(fault)
         return [finding("unreadable", "", 1, f"cannot be read as UTF-8 text: {reason}")]
 
 

@@ -4,12 +4,23 @@ ElementTree forgets lines, and expat expands entities: a lint that reads files o
 the first and must refuse the second before anything is expanded.
 """
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
+MOST_ELEMENTS = 1_000_000  # some 1 GB of nodes, of 40,000 links
+LONGEST = 1_000_000  # bytes of one tag; expat reads what is longer again with each such piece
+_BLANK = bytes(c if c == 10 else 32 for c in range(256))  # all but the ends of lines
+_SECTION = re.compile(rb"<!--|<!\[CDATA\[|<\?")
+_ENDS = {b"<!--": b"-->", b"<![CDATA[": b"]]>", b"<?": b"?>"}
+
 
 class XmlFault(Exception):
-    """Text that is not plain XML: `code` is ``malformed_xml`` or ``doctype``, `line` is 1-based."""
+    """Text that is not plain XML: `code` is that of a lint rule, `line` is 1-based.
+
+    Codes are ``malformed_xml``, ``doctype`` and ``too_large``.
+    """
 
     def __init__(self, code: str, line: int, message: str) -> None:
         super().__init__(message)
@@ -51,13 +62,21 @@ def parse_xml(text: str) -> Node:
         The root element.
 
     Raises:
-        XmlFault: malformed text, or a DOCTYPE (the only place where entities can be declared).
+        XmlFault: malformed text, a DOCTYPE (the only place where entities can be declared), more
+            elements than `MOST_ELEMENTS` or a tag longer than `LONGEST`.
     """
     parser = expat.ParserCreate(encoding="utf-8")
     top = Node("", {}, 0)
     stack = [top]
 
+    count = 0
+
     def start(tag: str, attrib: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if count > MOST_ELEMENTS:
+            line = parser.CurrentLineNumber
+            raise XmlFault("too_large", line, f"more than {MOST_ELEMENTS} elements")
         node = Node(tag, attrib, parser.CurrentLineNumber, start=parser.CurrentByteIndex)
         stack[-1].children.append(node)
         stack.append(node)
@@ -75,6 +94,11 @@ def parse_xml(text: str) -> Node:
         data = text.removeprefix("\ufeff").encode("utf-8")
     except UnicodeEncodeError:
         raise XmlFault("malformed_xml", 1, "the text holds characters that no XML allows") from None
+    if len(data) > LONGEST:
+        data = _without_comments(data)
+        if match := re.search(rb"<[^<>!?][^<>]{%d}" % LONGEST, data):
+            line = data.count(b"\n", 0, match.start()) + 1
+            raise XmlFault("too_large", line, f"a tag of more than {LONGEST / 1e6:g} MB")
     parser.StartElementHandler = start
     parser.EndElementHandler = end
     parser.StartDoctypeDeclHandler = doctype
@@ -86,3 +110,35 @@ def parse_xml(text: str) -> Node:
             "malformed_xml", error.lineno, f"not well-formed XML at column {error.offset}: {reason}"
         ) from None
     return top.children[0]
+
+
+def short_of_comments(text: str) -> str:
+    """Returns XML of more than `LONGEST` bytes without its comments; lines keep their numbers."""
+    if len(text) <= LONGEST:
+        return text
+    data = text.encode("utf-8", "surrogatepass")
+    lines = (b"\n" * part.count(b"\n") if comment else part for part, comment in _parts(data))
+    return b"".join(lines).decode("utf-8", "surrogatepass")
+
+
+def _without_comments(data: bytes) -> bytes:
+    """Returns XML with comments blanked: expat's time grows as the square of their length.
+
+    Lines and offsets stay.
+    """
+    return b"".join(part.translate(_BLANK) if comment else part for part, comment in _parts(data))
+
+
+def _parts(data: bytes) -> Iterator[tuple[bytes, bool]]:
+    """Yields consecutive pieces of XML and whether each is a comment; a malformed one is not."""
+    at = 0
+    while match := _SECTION.search(data, at):
+        end = data.find(_ENDS[match[0]], match.end())
+        if end < 0:
+            break
+        stop = end + len(_ENDS[match[0]])
+        yield data[at : match.start()], False
+        comment = match[0] == b"<!--" and data.find(b"--", match.end(), end) < 0
+        yield data[match.start() : stop], comment
+        at = stop
+    yield data[at:], False

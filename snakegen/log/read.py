@@ -9,6 +9,7 @@ from pathlib import Path
 from tempfile import SpooledTemporaryFile
 from typing import IO, Any
 
+from snakegen.base.bounded_text import what_is_there
 from snakegen.errors import LogError
 from snakegen.log.checksum import is_sealed
 from snakegen.log.journal import is_journal, journal_of, read_journal
@@ -32,7 +33,7 @@ def read(path: str | Path) -> Recording:
     if not path.is_file() and journal_of(path).is_file():
         return read_journal(journal_of(path))
     if not path.is_file():
-        raise LogError(f"there is no log {path}")
+        raise LogError(f"there is no log {path}: {what_is_there(path)}")
     if is_journal(path):
         return read_journal(path)
     with path.open("rb") as file:

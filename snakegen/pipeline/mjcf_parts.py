@@ -1,16 +1,19 @@
 """Parts of a robot read from an MJCF of any tool."""
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from snakegen.base.bounded_text import refuse_special
 from snakegen.base.geometry import Floats
 from snakegen.description.mjcf.files import load_model
 from snakegen.errors import DescriptionError
 from snakegen.pipeline.robot_parts import BASE, ActuatorPart, BodyPart, JointPart, RobotParts, Sum
+from snakegen.spec.urdf import read_urdf
 
 _KINDS = {
     mujoco.mjtJoint.mjJNT_FREE: "floating",
@@ -19,6 +22,8 @@ _KINDS = {
     mujoco.mjtJoint.mjJNT_HINGE: "revolute",
 }
 _FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
+_FILE = re.compile(r"""\bfile\s*=\s*["']([^"'<>]+)["']""")
+_FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'<>]+)["']""")
 _NO_LIMIT = np.array([-np.inf, np.inf])
 
 
@@ -28,12 +33,36 @@ def mjcf_parts(path: Path) -> RobotParts:
     Raises:
         DescriptionError: MuJoCo cannot load it.
     """
+    _refuse_special_parts(path)
     try:
         model = load_model(path)
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise DescriptionError(f"{path}: MuJoCo cannot load it ({reason}).") from None
     return _Reader(model).parts(str(path))
+
+
+def _refuse_special_parts(path: Path) -> None:
+    """Refuses an MJCF whose includes, meshes or textures are pipes or devices: they may not end.
+
+    Raises:
+        DescriptionError: names the file.
+    """
+    waiting, seen = [path], {path}
+    folders = {Path()}
+    while waiting:
+        text = read_urdf(waiting.pop())
+        folders |= {Path(word) for word in _FOLDER.findall(text)}
+        for file in {path.parent / f / word for f in folders for word in _FILE.findall(text)}:
+            if not file.exists():
+                continue  # MuJoCo names it
+            try:
+                refuse_special(file)
+            except OSError as error:
+                raise DescriptionError(f"{path}: {file}: {error.strerror}.") from None
+            if file.suffix == ".xml" and file not in seen:
+                seen.add(file)
+                waiting.append(file)
 
 
 class _Reader:

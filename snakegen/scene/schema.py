@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.base import yaml_file
+from snakegen.base.bounded_text import what_is_there
 from snakegen.base.geometry import Floats, rotation_from_rpy, rotation_onto
 from snakegen.errors import SceneError, near
 from snakegen.scene.meshes import point_cloud, triangle_mesh
@@ -305,7 +306,7 @@ def _file(item: dict[str, Any], where: str, folder: Path) -> Path:
         raise SceneError(f"{where}: file: the name of a file is needed.")
     path = folder / item["file"]
     if not path.is_file():
-        raise SceneError(f"{where}: file: {item['file']} is not there.")
+        raise SceneError(f"{where}: file: {item['file']}: {what_is_there(path)}.")
     return path
 
 

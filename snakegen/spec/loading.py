@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from snakegen.base import yaml_file
+from snakegen.base.bounded_text import what_is_there
 from snakegen.errors import SpecError, near
 from snakegen.spec import link_count
 from snakegen.spec.inertia_scaling import scale_inertias
@@ -193,7 +194,7 @@ def _raw(source: Any) -> tuple[dict[str, Any], str, Path]:
             raise SpecError(f"{path}: is a folder; a robot is a preset, a .yaml or a .urdf file.")
         if not path.is_file():
             if path.exists():
-                raise SpecError(f"{path}: is no regular file; a robot is a .yaml or a .urdf file.")
+                raise SpecError(f"{path}: {what_is_there(path)}; a robot is a .yaml or .urdf file.")
             if path.suffix in (".yaml", ".yml") or path.parent != Path("."):
                 raise SpecError(f"{path}: no such file.")
             raise SpecError(f"no preset and no file '{source}'.{near(str(source), known)}")

@@ -4,6 +4,8 @@ import re
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
+from snakegen.base.bounded_text import what_is_there
+
 Triple = tuple[float, float, float]
 
 FOLDER = "meshes"  # beside the URDF
@@ -50,7 +52,8 @@ def locate(name: str, folder: Path) -> Path:
             f"and none of {', '.join(_TAKEN)}, screw…"
         )
     if not (here / path).is_file():
-        raise ValueError(f"payload.mesh: '{name}' does not exist in {folder}")
+        there = what_is_there(here / path)
+        raise ValueError(f"payload.mesh: '{name}' in {folder}: {there}")
     size = (here / path).stat().st_size
     if size > MAX_BYTES:
         raise ValueError(

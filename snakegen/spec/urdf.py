@@ -13,6 +13,7 @@ from typing import Any
 from snakegen.base import yaml_file
 from snakegen.base.bounded_text import read_bounded
 from snakegen.errors import DescriptionError
+from snakegen.linter.xml_tree import short_of_comments
 from snakegen.spec.loading import load_spec, templates_folder
 from snakegen.spec.xacro_speed import one_step_replacement
 
@@ -81,7 +82,7 @@ def read_urdf(path: Path) -> str:
             raise DescriptionError(
                 f"{path}: {size / 1e6:.4g} MB; up to {MAX_BYTES / 1e6:g} MB are read."
             )
-        text = read_bounded(path, MAX_BYTES).removeprefix("\ufeff")
+        text = short_of_comments(read_bounded(path, MAX_BYTES).removeprefix("\ufeff"))
         body = text.lstrip()  # a blank before the declaration is common, and no XML
         return body if body.startswith("<?xml") else text
     except FileNotFoundError:

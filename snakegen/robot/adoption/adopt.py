@@ -74,7 +74,7 @@ def draft(urdf: str | Path) -> Adoption:
             f"{path}: no rotor found by name, shaft or mesh; write the modules file by hand "
             "(docs/modules.md), with 'position' and 'axis' where a rotor has no link."
         )
-    made = _Draft(tree, found, motor_plugins(text)).modules()
+    made = _Draft(tree, found, motor_plugins(root, text)).modules()
     yaml, guesses = to_yaml(made, path.name, frames_left(tree, found))
     return Adoption(_plain(made), yaml, guesses)
 

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from math import isfinite
 from xml.parsers import expat
 
+from snakegen.linter.xml_tree import Node
+
 
 @dataclass(frozen=True)
 class MotorPlugin:
@@ -25,11 +27,25 @@ class MotorPlugin:
     lag: float
 
 
-def motor_plugins(text: str) -> list[MotorPlugin]:
-    """Returns the motors in the ``<gazebo>`` elements of a URDF text without a DOCTYPE."""
+def motor_plugins(root: Node, text: str) -> list[MotorPlugin]:
+    """Returns the motors in the ``<gazebo>`` elements of a URDF.
+
+    Args:
+        root: the root element.
+        text: that it was read from.
+    """
+    blocks = root.findall("gazebo")
+    data = text.removeprefix("\ufeff").encode("utf-8") if blocks else b""
+    found = [fields for node in blocks for fields in _plugins(data[node.start : node.end])]
+    return [_plugin(fields) for fields in found if "motorConstant" in fields]
+
+
+def _plugins(data: bytes) -> list[dict[str, str]]:
+    """Returns the text of each element right under each plugin of a block."""
     found: list[dict[str, str]] = []
     stack: list[str] = []
     parser = expat.ParserCreate(encoding="utf-8")
+    parser.buffer_text = True
 
     def start(tag: str, _attributes: dict[str, str]) -> None:
         stack.append(tag)
@@ -47,10 +63,10 @@ def motor_plugins(text: str) -> list[MotorPlugin]:
     parser.EndElementHandler = end
     parser.CharacterDataHandler = characters
     try:
-        parser.Parse(text.removeprefix("\ufeff").lstrip().encode("utf-8"), True)
+        parser.Parse(data, True)
     except expat.ExpatError:
         return []
-    return [_plugin(fields) for fields in found if "motorConstant" in fields]
+    return found
 
 
 def _plugin(fields: dict[str, str]) -> MotorPlugin:
