@@ -9,7 +9,8 @@ from click.testing import CliRunner
 from snakegen.cli.flight import flight
 from snakegen.errors import MissionError
 from snakegen.robot.robot import load
-from snakegen.simulation.drive.hardware import DriveDraw
+from snakegen.simulation.drive.hardware import DriveDraw, DriveHardware
+from snakegen.simulation.drive.run import contact_model
 from snakegen.simulation.drive.trials import DriveSpread, drive_trials
 from snakegen.simulation.flight.run import run
 from snakegen.simulation.missions.drive import follow
@@ -61,6 +62,23 @@ def test_draws_keep_to_their_ranges(quick):
     given = ["plant.uncertainty={ground: 0.4, mass: 0.2}", "plant.drive_mismatch=0.03"]
     own = DriveSpread.of(load(load_spec("screw4", overrides=given)))
     assert (own.ground, own.mass, own.drums, own.losses) == (0.4, 0.2, 0.03, 0.5)
+
+
+def test_masses_and_drums_are_drawn_within_the_ranges_given(quick):
+    """A caller's own ranges, not the robot's: masses, inertias and what drums turn too far."""
+    still = DriveSpread(mass=0.0, inertia=0.0, drums=0.0)
+    wide = DriveSpread(mass=0.3, inertia=0.0, drums=0.1)
+    for spread, least, most in ((still, 0.0, 1e-12), (wide, 0.2, 0.3)):
+        settings = RunSettings(3, draw=spread.draw(np.random.default_rng(0)))
+        hardware = DriveHardware(quick, settings, 6)
+        model = contact_model(quick)
+        mass, inertia = model.body_mass.copy(), model.body_inertia.copy()
+        hardware.change(model)
+        factor = model.body_mass[1:] / mass[1:]
+        assert least <= np.abs(factor - 1.0).max() <= most
+        assert np.allclose(model.body_inertia[1:], inertia[1:] * factor[:, None], rtol=1e-9)
+        turned = np.abs(hardware.factor - 1.0)
+        assert (turned == 0.0).all() if most < 0.1 else turned.max() > 0.03
 
 
 def test_the_command_prints_the_interval_and_refuses_what_draws_nothing(tmp_path):

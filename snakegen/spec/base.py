@@ -4,9 +4,9 @@ World axes have their origin at the base, z up; the floor lies `height` below it
 """
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from snakegen.spec.fields import NonNegative, Part, Vector
 
@@ -23,8 +23,10 @@ _CLEAR = 0.05  # m, of free space between the floor and the lowest posture
 class Base(Part):
     """A base fixed to the world. Link 1 lies along x of the base."""
 
-    kind: Literal["fixed"] = Field("fixed", description="link 1 does not move")
-    pose: Pose = Field(
+    kind: Annotated[Literal["fixed"], BeforeValidator(lambda kind: _fixed(kind))] = Field(
+        "fixed", description="link 1 does not move"
+    )
+    pose: Annotated[Pose, BeforeValidator(lambda pose: _pose(pose))] = Field(
         "stand",
         description="stand or wall: link 1 level; ceiling: it hangs; vertical: it points up from "
         "the floor; any: as rpy says",
@@ -46,6 +48,56 @@ class Base(Part):
         return self
 
 
+_MEANT: dict[str, Pose] = {
+    "floor": "stand",
+    "ground": "stand",
+    "table": "stand",
+    "pedestal": "stand",
+    "wall_mounted": "wall",
+    "hanging": "ceiling",
+    "roof": "ceiling",
+    "upside_down": "ceiling",
+    "inverted": "ceiling",
+    "upright": "vertical",
+    "standing": "vertical",
+}
+"""What people write for a pose, and the pose."""
+
+
+def _known(base: Any) -> Any:
+    """Refuses a name that is no base, with the field in which a pose would work."""
+    if base in ("floating", "fixed"):
+        return base
+    word = str(base).lower().replace("-", "_")
+    poses = get_args(Pose)
+    pose = _MEANT.get(word, word)
+    works = f"write base.pose: {pose}" if pose in poses else f"base.pose is {_or(poses)}"
+    raise ValueError(f"base: floating or fixed is needed (got '{base}'); of a fixed one, {works}")
+
+
+def _pose(pose: Any) -> Any:
+    """Refuses what is no pose, with the one that may be meant."""
+    poses = get_args(Pose)
+    if pose in poses:
+        return pose
+    meant = _MEANT.get(str(pose).lower().replace("-", "_"))
+    hint = f"; try '{meant}'" if meant else ""
+    raise ValueError(f"base.pose: {_or(poses)} is needed (got '{pose}'){hint}")
+
+
+def _fixed(kind: Any) -> Any:
+    """Refuses the pose of a base that is not fixed."""
+    if kind == "fixed":
+        return kind
+    raise ValueError(
+        f"base.kind: fixed is needed where a pose, rpy or height is given (got '{kind}')"
+    )
+
+
+def _or(words: tuple[str, ...]) -> str:
+    return f"{', '.join(words[:-1])} or {words[-1]}"
+
+
 def _written(base: Any) -> str:
     return "name" if isinstance(base, str) else "mapping"
 
@@ -55,7 +107,8 @@ def _any_of(schema: dict[str, Any]) -> None:
 
 
 AnyBase = Annotated[
-    Annotated[Literal["floating", "fixed"], Tag("name")] | Annotated[Base, Tag("mapping")],
+    Annotated[Literal["floating", "fixed"], BeforeValidator(_known), Tag("name")]
+    | Annotated[Base, Tag("mapping")],
     Discriminator(_written),
     Field(json_schema_extra=_any_of),
 ]

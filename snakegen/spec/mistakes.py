@@ -87,7 +87,8 @@ def _mistake(first: Any, path: str, loc: tuple[Any, ...]) -> str:
         return f"'{path}' is needed"
     message = first["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
     if first["type"] == "value_error":
-        return str(message) if message.startswith(path) or not path else f"'{path}': {message}"
+        named = message.startswith(path.removesuffix(".mapping")) or not path
+        return str(message) if named else f"'{path}': {message}"
     message = message[0].lower() + message[1:]
     if first["type"] in ("model_type", "model_attributes_type", "dict_type"):
         parts = [f"{path}.{name}" for name in fields_at((*loc, "")) or ["…"]]

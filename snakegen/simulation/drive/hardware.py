@@ -21,12 +21,19 @@ _NOISES = ("position_noise", "attitude_bias", "attitude_noise", "joint_noise")
 
 @dataclass(frozen=True)
 class DriveDraw:
-    """What a trial draws beside what every run draws: factors, s of delay, another body."""
+    """What a trial draws beside what every run draws: factors, s of delay, another body.
+
+    `mass` and `inertia` (half ranges) and `drums` (standard deviation) are what the run draws
+    within, in place of the robot's own; None: its own.
+    """
 
     ground: float = 1.0  # of the friction of wheels and casters on the ground
     losses: float = 1.0  # of rolling and bearing friction, play, the cable's weight
     noise: float = 1.0  # of all sensors
     delay: float = 0.0
+    mass: float | None = None
+    inertia: float | None = None
+    drums: float | None = None
     body: Robot | None = None  # that drives in place of the one that the law knows
     strength: Mapping[str, float] = field(default_factory=dict)  # of servos, by their joint
 
@@ -70,9 +77,12 @@ class DriveHardware:
         self.offset[2] = what.attitude_bias * bounded_normal(self.rng, 3)[2]
         self.offset[3:] = what.joint_noise * self.rng.standard_normal(size - 3)
         drums = len(robot.modules.screws)
-        self.factor = 1.0 + what.drive_mismatch * self.rng.standard_normal(drums)
+        mismatch = what.drive_mismatch if draw.drums is None or ideal else draw.drums
+        self.factor = 1.0 + mismatch * self.rng.standard_normal(drums)
         spread = Spread.of(robot.modules.uncertainty)
-        self.spread = (0.0, 0.0) if ideal else (spread.mass, spread.inertia)
+        mass = spread.mass if draw.mass is None else draw.mass
+        inertia = spread.inertia if draw.inertia is None else draw.inertia
+        self.spread = (0.0, 0.0) if ideal else (mass, inertia)
         self.last: Floats | None = None
 
     def change(self, model: mujoco.MjModel) -> None:

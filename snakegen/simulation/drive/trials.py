@@ -44,11 +44,12 @@ class DriveSpread:
         return DriveSpread(s.mass, s.inertia, s.ground, s.losses, s.noise, s.delay, drums)
 
     def draw(self, rng: np.random.Generator) -> DriveDraw:
-        """Draws what single runs do not."""
+        """Draws what single runs do not; masses, inertias and drums are drawn by the run."""
         ground, losses, noise = (
             1.0 + half * rng.uniform(-1.0, 1.0) for half in (self.ground, self.losses, self.noise)
         )
-        return DriveDraw(ground, losses, noise, self.delay * rng.uniform())
+        delay = self.delay * rng.uniform()
+        return DriveDraw(ground, losses, noise, delay, self.mass, self.inertia, self.drums)
 
 
 def drive_trials(
