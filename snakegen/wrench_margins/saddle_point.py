@@ -12,12 +12,15 @@ which apparatus stands on the twist axis (``B_j d = 0``, where f_j lies inside i
 certified search's twist two or three steps end at rounding. Source: THEORY A9.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from snakegen.base.geometry import Floats
+
+P = TypeVar("P")
 STEPS = 40
 ROUNDED = (3e-3, 0.1, 1e-4)  # of the fastest point: a first guess's forces turn over this speed
 SOLVED = 1e-12  # residual, of the sum of limits
@@ -125,18 +128,18 @@ def newton(
             slope[j] = onto[j] if low[j] < along < high[j] else 0.0
         return value, slope
 
-    f, _ = project(stiff[:, None] * speed / rounded)
-    mu = float((f * speed).sum() - d @ hover)
+    def split(x: Floats) -> tuple[Floats, Floats, float]:
+        """Returns d (c,), f (n, 3) and μ of x, all of them in a row."""
+        return x[:c], x[c:-1].reshape(n, 3), float(x[-1])
 
-    def residual(d: Floats, f: Floats, mu: float) -> tuple[Floats, Floats]:
+    def residual(x: Floats) -> tuple[Floats, Floats]:
+        d, f, mu = split(x)
         value, slope = project(f + stiff[:, None] * (jacobians @ d))
         gap = np.einsum("jck,jc->k", jacobians, f) - hover - mu * rows * d
         return np.concatenate([gap, (f - value).ravel(), [0.5 * (1.0 - d @ (rows * d))]]), slope
 
-    left, slope = residual(d, f, mu)
-    for _ in range(STEPS):
-        if np.abs(left).max() < 0.01 * SOLVED * size:
-            break
+    def matrix(x: Floats, slope: Floats) -> Floats:
+        d, _, mu = split(x)
         a = np.zeros((c + 1 + m, c + 1 + m))
         a[:c, :c] = -mu * np.diag(rows)
         a[:c, -1] = a[-1, :c] = -rows * d
@@ -146,19 +149,44 @@ def newton(
             a[at, at] = np.eye(3) - slope[j]
             a[at, :c] = -stiff[j] * slope[j] @ jacobians[j]
         a -= DAMPED * np.diag(np.r_[np.ones(c), -np.ones(m), 0.0])
-        step = np.linalg.solve(a, -left)
+        return a
+
+    f, _ = project(stiff[:, None] * speed / rounded)
+    mu = float((f * speed).sum() - d @ hover)
+    x, left, _ = damped_newton(residual, matrix, np.r_[d, f.ravel(), mu], SOLVED * size, STEPS)
+    d, f, mu = split(x)
+    return Saddle(mu, d, f, bool(np.abs(left).max() < SOLVED * size))
+
+
+def damped_newton(
+    residual: Callable[[Floats], tuple[Floats, P]],
+    matrix: Callable[[Floats, P], Floats],
+    x: Floats,
+    solved: float,
+    steps: int,
+) -> tuple[Floats, Floats, P]:
+    """Returns (x, residual, parts) where Newton's method ends, steps halved until they help.
+
+    Args:
+        residual: x → (residual, parts that `matrix` uses too).
+        matrix: (x, parts) → derivative of the residual.
+        x: start.
+        solved: residual that is rounding; the method goes on to a hundredth of it.
+        steps: most of them.
+    """
+    left, parts = residual(x)
+    for _ in range(steps):
+        if np.abs(left).max() < 0.01 * solved:
+            break
+        step = np.linalg.solve(matrix(x, parts), -left)
         share, before = 1.0, np.linalg.norm(left)
         while True:
-            trial = (
-                d + share * step[:c],
-                f + share * step[c:-1].reshape(n, 3),
-                mu + share * step[-1],
-            )
-            left, slope = residual(*trial)
+            trial = x + share * step
+            left, parts = residual(trial)
             if np.linalg.norm(left) < before * (1.0 - 1e-4 * share) or share < 1e-3:
                 break
             share *= 0.5
-        d, f, mu = trial
+        x = trial
         if np.linalg.norm(left) >= before:  # rounding, or lost
             break
-    return Saddle(float(mu), d, f, bool(np.abs(left).max() < SOLVED * size))
+    return x, left, parts

@@ -11,14 +11,19 @@ Source: THEORY A9.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from snakegen.base.geometry import Floats
 from snakegen.kernels.margins.force_sets import Sets
 from snakegen.kernels.margins.limited_margins import ray
 from snakegen.wrench_margins.force_sets import ForceSets
-from snakegen.wrench_margins.saddle_point import DAMPED, SOLVED, Saddle, force_jacobians
+from snakegen.wrench_margins.saddle_point import (
+    DAMPED,
+    SOLVED,
+    Saddle,
+    damped_newton,
+    force_jacobians,
+)
 
-Floats = NDArray[np.float64]
 STEPS = 60
 TURNS = 40  # of a ray to the normal that was hit
 STILL = 1e-7  # change of a direction at which turning ends
@@ -72,11 +77,13 @@ def set_saddle(sets: ForceSets, scale: Floats, hover: Floats, rows: Floats, d: F
     stiff = np.vstack(
         [sets.strengths / scale[0] / max(_speed(jacobians, d), 1e-12), *np.ones((2, n))]
     )
-    mu = float(
-        np.einsum("jc,jck,k", force_derivatives(sets.frames, x)[0], jacobians, d) - d @ hover
-    )
 
-    def residual(d: Floats, x: Floats, mu: float) -> tuple[Floats, tuple[Floats, ...]]:
+    def split(z: Floats) -> tuple[Floats, Floats, float]:
+        """Returns d (6,), x (3, n) and μ of z, all of them in a row."""
+        return z[:6], z[6:-1].reshape(3, n), float(z[-1])
+
+    def residual(z: Floats) -> tuple[Floats, tuple[Floats, ...]]:
+        d, x, mu = split(z)
         f, first = force_derivatives(sets.frames, x)
         speed = jacobians @ d
         slope = np.einsum("ajc,jc->aj", first, speed)
@@ -87,17 +94,14 @@ def set_saddle(sets: ForceSets, scale: Floats, hover: Floats, rows: Floats, d: F
         left = np.concatenate([gap, rest.ravel(), [0.5 * (1.0 - d @ (rows * d))]])
         return left, (f, first, np.einsum("abjc,jc->abj", curvature(sets.frames, x), speed), inside)
 
-    left, parts = residual(d, x, mu)
-    m = 3 * n
-    for _ in range(STEPS):
-        if np.abs(left).max() < 0.01 * SOLVED * size:
-            break
+    def matrix(z: Floats, parts: tuple[Floats, ...]) -> Floats:
+        d, _, mu = split(z)
         _, first, curved, inside = parts
-        a = np.zeros((7 + m, 7 + m))
+        a = np.zeros((len(z), len(z)))
         a[:6, :6] = -mu * np.diag(rows)
         a[:6, -1] = a[-1, :6] = -rows * d
         work = np.einsum("ajc,jck->ajk", first, jacobians)  # (3, n, 6)
-        a[:6, 6:-1] = work.reshape(m, 6).T
+        a[:6, 6:-1] = work.reshape(3 * n, 6).T
         for j in range(n):
             for p in range(3):
                 row = 6 + p * n + j
@@ -106,26 +110,18 @@ def set_saddle(sets: ForceSets, scale: Floats, hover: Floats, rows: Floats, d: F
                     continue
                 a[row, :6] = stiff[p, j] * work[p, j]
                 a[row, [6 + q * n + j for q in range(3)]] += stiff[p, j] * curved[p, :, j]
-        a -= DAMPED * np.diag(np.r_[np.ones(6 + m), 0.0])
-        step = np.linalg.solve(a, -left)
-        share, before = 1.0, np.linalg.norm(left)
-        while True:
-            trial = (
-                d + share * step[:6],
-                x + share * step[6:-1].reshape(3, n),
-                mu + share * step[-1],
-            )
-            left, parts = residual(*trial)
-            if np.linalg.norm(left) < before * (1.0 - 1e-4 * share) or share < 1e-3:
-                break
-            share *= 0.5
-        d, x, mu = trial
-        if np.linalg.norm(left) >= before:  # rounding, or lost
-            break
+        a -= DAMPED * np.diag(np.r_[np.ones(6 + 3 * n), 0.0])
+        return a
+
+    mu = float(
+        np.einsum("jc,jck,k", force_derivatives(sets.frames, x)[0], jacobians, d) - d @ hover
+    )
+    z, left, parts = damped_newton(residual, matrix, np.r_[d, x.ravel(), mu], SOLVED * size, STEPS)
+    d, x, mu = split(z)
     solved = bool(np.abs(left).max() < SOLVED * size) and bool(
         ((x >= low - 1e-9) & (x <= high + 1e-9)).all()
     )
-    return Saddle(float(mu), d, parts[0], solved)
+    return Saddle(mu, d, parts[0], solved)
 
 
 def _speed(jacobians: Floats, d: Floats) -> float:

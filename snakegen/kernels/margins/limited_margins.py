@@ -72,6 +72,15 @@ def empty_pieces(hull):
 
 
 @jit
+def _lower(row, above, twist, bounds, twists):
+    """Lowers the upper one of a margin's `bounds` to that of `twist`; False if out of reach."""
+    if above < bounds[row, 1]:
+        bounds[row, 1] = above
+        twists[row] = twist
+    return not above < -OFF
+
+
+@jit
 def _slices(sets, hull, hover, tolerance, bounds, twists, counts, low, weak, bodies):
     """Measures both slices of convex sets: lowers the upper `bounds`, fills `low` (2,).
 
@@ -84,10 +93,7 @@ def _slices(sets, hull, hover, tolerance, bounds, twists, counts, low, weak, bod
             k == 1, sets, hull, hover, frame, tolerance, bodies[k], weak[k], outer
         )
         counts[k] += used
-        if above < bounds[1 + k, 1]:
-            bounds[1 + k, 1] = above
-            twists[1 + k] = outer
-        if above < -OFF:
+        if not _lower(1 + k, above, outer, bounds, twists):
             return False
     return True
 
@@ -115,10 +121,7 @@ def _close_from_above(hull, hover, tolerance, bounds, twists, counts, bodies):
             continue
         above, used = outer_radius(k == 1, hull, hover, tolerance, bodies[k], outer)
         counts[k] += used
-        if above < bounds[1 + k, 1]:
-            bounds[1 + k, 1] = above
-            twists[1 + k] = outer
-        if above < -OFF:
+        if not _lower(1 + k, above, outer, bounds, twists):
             return False
     return True
 
