@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 import snakegen
-from snakegen.analysis import actuation, hover, singularity, statics, wrench_margin
+from snakegen.analysis import (
+    actuation,
+    hover,
+    screw_drive,
+    singularity,
+    statics,
+    wrench_margin,
+)
 from snakegen.report.answers import answers
 from snakegen.report.collection import Page
 
@@ -59,3 +66,25 @@ def test_too_heavy_a_body_does_not_hover(dragon4: snakegen.Robot) -> None:
     spec = load_spec("dragon4", overrides=("vectoring_apparatus.thrust_max=8",))
     text = dict(answers(_page(snakegen.load(spec), BENT)))
     assert text["Can it hover?"].startswith("no: 78 N of weight, 64 N of thrust (0.82)")
+
+
+def test_an_arm_is_asked_what_it_carries() -> None:
+    robot = snakegen.load("arm6")
+    page = Page(
+        robot, robot.configuration(), {"statics": statics.analyze(robot, robot.configuration())}
+    )
+    text = dict(answers(page))
+    load = page.results["statics"].tip_load
+    assert text["What does it carry?"].startswith(f"{load.payload:.3g} kg at the tip")
+    assert f"{1e3 * np.linalg.norm(load.sag):.3g} mm" in text["What does it carry?"]
+    assert f"{load.force_radius:.4g} N in every direction" in text["What does its tip push?"]
+    assert text["Do the servos hold it?"].startswith("yes: joint1_pitch is the busiest, at 75%")
+
+
+def test_a_drive_is_asked_whether_its_wheels_hold_it() -> None:
+    robot = snakegen.load("screw4")
+    q = np.asarray(robot.configuration())
+    found = screw_drive.analyze(robot, q)
+    text, slow = dict(answers(Page(robot, q, {"drive": found}))), found.cone.speed.min()
+    assert text["Do its wheels hold it?"].startswith("yes, along, across and turning")
+    assert text["How fast?"].startswith(f"{slow:.3f} m/s in its slowest direction")

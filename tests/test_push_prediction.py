@@ -15,12 +15,16 @@ from snakegen.kernels.core.types import Body
 from snakegen.kernels.dynamics.joint_loads import JointLoads, force_loads
 from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.simulation.flight.postures import bent, place
+from snakegen.simulation.flight.run import prepare
 from snakegen.simulation.push.prediction import forecast
+from snakegen.spec.loading import load_spec
 from snakegen.statics.joint_loads import joint_loads
 from snakegen.statics.joint_torques import joint_torques
 from snakegen.wrench_margins.controller import vectored_controller
 from snakegen.wrench_margins.rays import Bounds, inverse_ray, thrust_ray, vectored_ray
 from snakegen.wrench_margins.thrust import thrust_margins
+
+AXES = ("roll", "pitch")
 
 
 @pytest.fixture(scope="module")
@@ -139,3 +143,26 @@ def test_the_joint_limit_is_part_of_the_forecast(robot, hover):
     assert bounded.thrust_only * (1 + 1e-6) >= bounded.printed_margin > paper.held
     with pytest.raises(SnakegenError, match="link"):
         forecast(robot, flight_controller(robot), hover, link="link9")
+
+
+def test_narrow_gimbals_have_both_sides_of_a_prediction(robot, hover):
+    """Past its first gimbal at a limit the pseudo-inverse goes on, never past what any forces hold.
+
+    A linear program allows 4.66 N in the weakest direction of this body.
+    """
+    narrow = load(
+        load_spec("dragon4", overrides=[f"vectoring_apparatus.{a}_limit=0.05" for a in AXES])
+    )
+    bent = {f"joint{i}_yaw": 1.0 for i in (1, 2, 3)}
+    options = {"posture": bent, "slow": 40.0}
+    for allocator in ("paper", "constrained"):
+        plan = prepare(narrow, "push", ideal=True, allocator=allocator, options=options).plan
+        found, bounds = plan.facts["forecast"], plan.thresholds["ratio"]
+        if allocator == "paper":
+            beyond = found["any_forces"] / found["held"]
+            assert 1.2 < beyond < 1.4 and bounds["at_most"] == pytest.approx(1.05 * beyond)
+            assert found["any_forces"] == pytest.approx(4.7, rel=0.05)
+        else:
+            assert found["any_forces"] is None and bounds["at_most"] == 1.05
+    free = forecast(robot, flight_controller(robot), hover)
+    assert np.isnan(free.any_forces)

@@ -86,10 +86,13 @@ class Actuation:
         out = []
         for r in self.ranks:
             values = " ".join(f"{s:.3g}" for s in r.singular_values)
-            condition = f"cond {r.condition:.3g}" if np.isfinite(r.condition) else "singular"
-            out.append((f"rank of Q {r.matrix}", f"{r.rank} of 6   σ {values}   {condition}"))
+            condition = f"condition {r.condition:.3g}" if np.isfinite(r.condition) else "singular"
+            text = f"{r.rank} of 6   singular values {values}   {condition}"
+            out.append((f"rank of Q {r.matrix}", text))
         for m in self.modes:
-            out.append((m.mode, f"{m.value}: {m.sentence}"))
+            out.append(
+                (f"{m.mode.replace('_', '-')} mode", f"{m.value.replace('_', ' ')}: {m.sentence}")
+            )
             if not m.agrees:
                 out.append(("", f"the paper's rule says otherwise: {m.paper}"))
         return out

@@ -36,13 +36,9 @@ def answers(page: Page) -> list[tuple[str, str]]:
         out += _resists(results.get("margin"), results.get("singularity"))
         out += _singular(results.get("singularity"))
     if "drive" in results:
-        rows = dict(results["drive"].rows())
-        held = rows.get("hold at this shape", "")
-        out += [("Do the screws hold it?", held)] if held else []
-        out += [("How fast?", rows["any direction"])] if "any direction" in rows else []
-        out += [("How tightly?", rows["turning radius"])] if "turning radius" in rows else []
+        out += _drives(results["drive"])
     if "statics" in results and "hover" not in results:
-        out += [("Do the servos bear it?", _servos(results["statics"]))]
+        out += _arm(results["statics"], drives="drive" in results)
     return out
 
 
@@ -163,11 +159,43 @@ def _singular(found: Any) -> list[tuple[str, str]]:
     return [("How near is a singularity?", text)]
 
 
-def _servos(found: Any) -> str:
+def _drives(found: Any) -> list[tuple[str, str]]:
+    """Returns whether wheels hold a drive at its shape, its speeds and its tightest turn."""
+    hold = found.hold
+    held = f"no ({hold.rank} of 3 motions held): {hold.text}"
+    if hold.rank == 3:
+        held = "yes, along, across and turning, with screws and joints stopped"
+        held += f" (σ₃ {hold.sigma[-1]:.3g})"
+    out = [("Do its wheels hold it?", held)]
+    if found.cone is not None:
+        low, high = found.cone.speed.min(), found.cone.speed.max()
+        wide = np.degrees(found.cone.width(found.speed))
+        way = "in every direction" if wide > 359.5 else f"in {wide:.0f}° of directions"
+        best = f"{low:.3f} m/s in its slowest direction, {high:.3f} m/s in its fastest"
+        out.append(("How fast?", f"{best}; {found.speed:g} m/s {way}"))
+    return [*out, ("How tightly?", dict(found.rows())["turning radius"])]
+
+
+def _arm(found: Any, *, drives: bool) -> list[tuple[str, str]]:
+    """Returns what servos hold with the base held, and what the tip carries besides."""
     use = np.asarray(found.use, float)
     kept = [i for i in range(len(use)) if np.isfinite(use[i])]
     if not kept:
-        return "no joint has a limit"
+        return [("Do the servos hold it?", "no joint has a limit")]
     busiest = max(kept, key=lambda i: use[i])
     said = "yes" if use[busiest] <= 1.0 else "no"
-    return f"{said}: {found.joints[busiest]} is the busiest, at {use[busiest]:.0%} of its limit"
+    how = " when lifted by its base" if drives else ""
+    text = (
+        f"{said}{how}: {found.joints[busiest]} is the busiest, at {use[busiest]:.0%} of its limit"
+    )
+    out = [("Do the servos hold it?", text)]
+    load = found.tip_load
+    if load is None or drives:
+        return out
+    rows = dict(found.rows())
+    if load.payload > 0.0:
+        sag = f"; unloaded, servos give {1e3 * float(np.linalg.norm(load.sag)):.3g} mm at the tip"
+        carried = "any weight" if np.isinf(load.payload) else f"{load.payload:.3g} kg at the tip"
+        out.append(("What does it carry?", carried + sag))
+        out.append(("What does its tip push?", rows["tip load capacity"]))
+    return out

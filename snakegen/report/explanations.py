@@ -16,12 +16,12 @@ EXPLANATIONS: dict[str, tuple[tuple[str, str, str], ...]] = {
     "actuation": (
         (
             r"rank of Q .*",
-            "How many of the six motions these inputs command; σ are the scaled singular values, "
-            "0 where one is lost; cond is the ratio of largest to smallest, 1 at best.",
+            "How many of the six motions these inputs command; singular values are scaled, "
+            "0 where one is lost; condition is the ratio of largest to smallest, 1 at best.",
             f"{_THEORY}#a3-rank-and-class",
         ),
         (
-            r"dual_rotor|virtual_single_rotor",
+            r"(dual-rotor|virtual-single-rotor) mode",
             "What the mode commands in this posture: fully actuated is all six motions.",
             f"{_THEORY}#a3-rank-and-class",
         ),

@@ -29,6 +29,8 @@ from snakegen.kernels.control.types import VIRTUAL
 from snakegen.robot.robot import Robot
 from snakegen.simulation.push.limit_search import LoadedReach, farthest, follow
 from snakegen.simulation.push.quasi_static import Load, load_on
+from snakegen.statics.largest_push import largest_push
+from snakegen.statics.vectored_body import vectored_body
 from snakegen.wrench_margins.controller import vectored_controller
 from snakegen.wrench_margins.inputs import force_map
 from snakegen.wrench_margins.push_margin import PushMargin, PushMargins
@@ -52,6 +54,8 @@ class Forecast:
         printed_margin: multiple of it at the printed margin, gimbals as they hover.
         thrust_only: the same margin without servo limits, in its own weakest direction.
         loaded: multiple of the push at the limit of the loaded body; nan where none was found.
+        any_forces: multiple of the push that least forces within all limits hold, whichever
+            allocator flies; nan but for the pseudo-inverse with limited gimbals.
         stopped: what is at its limit at `held`.
         stopped_loaded: what is at its limit at `loaded`.
         link: that carries it.
@@ -63,6 +67,7 @@ class Forecast:
     printed_margin: float
     thrust_only: float
     loaded: float
+    any_forces: float
     stopped: tuple[str, ...]
     stopped_loaded: tuple[str, ...]
     link: str
@@ -75,6 +80,7 @@ class Forecast:
             "printed_margin": self.printed_margin,
             "thrust_only": self.thrust_only,
             "held_loaded": self.loaded,
+            "any_forces": self.any_forces,
         }
         plain = {k: v if np.isfinite(v) else None for k, v in numbers.items()}
         return plain | {
@@ -129,7 +135,12 @@ def forecast(
     else:
         bent = follow(load, margin.value)
     stopped = _names_loaded(load, bent)
-    held = (margin.predicted, margin.value, free, bent.t)
+    most = float("nan")
+    low, high, _ = robot.limits(sorted(robot.gimbal_names))
+    if virtual and not constrained and np.any(high - low < 2.0 * np.pi - 1e-6):
+        # past its first gimbal at a limit this law goes on by its integrals
+        most = largest_push(vectored_body(robot, q, push, name), margin.value).t
+    held = (margin.predicted, margin.value, free, bent.t, most)
     return Forecast(push, *held, margin.at_limit, stopped, name, key)
 
 

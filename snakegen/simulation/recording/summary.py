@@ -28,6 +28,10 @@ def _push(facts: Dict, found: Dict) -> list[str]:
     limits = ", ".join(forecast["stopped"])
     told = f"predicted limit: {_wrench(found['predicted_wrench'])} on {forecast['link']}"
     told += f"; there at its limit: {limits}" if limits else ""
+    most = forecast.get("any_forces")
+    if most and most > 1.01 * forecast["held"]:
+        share = most / forecast["held"]
+        told += f"; past that its integrals go on, to at most {share:.2f} of it (any forces)"
     others = [
         f"{found[key]:.3f} of that {about}"
         for key, about in _PREDICTIONS.items()

@@ -104,7 +104,9 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
     0.9 of that limit the ramp is slow enough for it.
 
     The measured limit has to be at least 0.95 of the prediction; without noise at most 1.05 of it
-    too. With noise the prediction knows the thrust factors that were drawn.
+    too, or of what any forces within the limits hold, where a gimbal's limit is what the
+    pseudo-inverse meets first: its integrals then ask the other apparatuses for what that one
+    misses. With noise the prediction knows the thrust factors that were drawn.
     """
     if not (options.until > KNEE and options.slow > 0):
         raise MissionError(f"until must be above {KNEE:g} and slow above 0 s.")
@@ -126,6 +128,7 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
         time, corners[2:], [0.0, KNEE - easy, KNEE - easy, options.until - easy]
     )
     judged = "ratio" if controller.mode == VIRTUAL else "loaded_ratio"
+    beyond = float(np.nanmax([1.0, found.any_forces / found.held]))
     return holding(
         time,
         joints,
@@ -147,7 +150,7 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
         },
         drawn=lambda *draw: _informed(robot, controller, start, found, *draw),
         thresholds={
-            judged if options.ideal else "informed_ratio": _bounds(options.ideal),
+            judged if options.ideal else "informed_ratio": _bounds(options.ideal, beyond),
             **(
                 {"limit_ratio": _bounds(True)}
                 if options.ideal and options.allocator == "paper"
@@ -160,9 +163,9 @@ def plan(robot: Robot, rate: float, options: Options) -> Plan:
     )
 
 
-def _bounds(both: bool) -> dict[str, float]:
-    """Returns how far a ratio may be from 1: below, or to both sides."""
-    return {"at_least": 1.0 - AGREE} | ({"at_most": 1.0 + AGREE} if both else {})
+def _bounds(both: bool, beyond: float = 1.0) -> dict[str, float]:
+    """Returns how far a ratio may be below 1 and, of `both` sides, above `beyond`."""
+    return {"at_least": 1.0 - AGREE} | ({"at_most": (1.0 + AGREE) * beyond} if both else {})
 
 
 def _informed(
