@@ -308,7 +308,7 @@ def test_deep_nesting_is_no_trap() -> None:
 
 
 def test_unreadable_files(tmp_path: Path) -> None:
-    (tmp_path / "bin.urdf").write_bytes(b"<robot name='\xff\xfe'/>")
+    (tmp_path / "bin.urdf").write_bytes(b"\x1f\x8b packed")
     for path in (tmp_path / "gone.urdf", tmp_path, tmp_path / "bin.urdf"):
         (finding,) = lint(path)
         assert (finding.severity, finding.code) == ("error", "unreadable")

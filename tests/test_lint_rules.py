@@ -52,6 +52,9 @@ def mesh(path: str) -> tuple[str, str]:
 
 CASES: dict[str, str] = {
     "late_declaration": "\n" + GOOD,
+    "attribute_blanks": changed((' xyz="0 0 1"', ' xyz="0 0\t1"')),
+    "undeclared_prefix": changed(("</robot>", "<gazebo><sensor:ray/></gazebo></robot>")),
+    "default_namespace": changed(("<robot ", '<robot xmlns="http://www.ros.org" ')),
     "misspelt_tag": changed(("<inertial>", "<inertail>"), ("</inertial>", "</inertail>")),
     "shapeless_geometry": changed((CYLINDER, '<plane normal="0 0 1"/>')),
     "misspelt_attribute": changed((' xyz="0 0 1"', ' xzy="0 0 1"')),
@@ -177,6 +180,7 @@ def test_each_rule_sees_its_fault_and_nothing_else(code: str, folder: Path) -> N
 
 def test_every_rule_has_a_faulty_file() -> None:
     elsewhere = {"unreadable", "too_large", "doctype", "no_root", "unknown_tag", "large_mesh"}
+    elsewhere |= {"foreign_encoding"}
     elsewhere |= {"large_texture"} | {c for c in RULES if c.startswith("mesh_") and c not in CASES}
     covered = {row[2] for row in FAULTS.values()} | CASES.keys() | MJCF.keys() | elsewhere
     assert covered >= RULES.keys()

@@ -43,8 +43,8 @@ def what_is_there(path: Path) -> str:
     return "is there" if path.is_file() else "is a pipe, which is read only once"
 
 
-def read_bounded(path: Path, most: int) -> str:
-    """Returns the UTF-8 text of a file, or of a pipe that a shell made.
+def read_bytes(path: Path, most: int) -> bytes:
+    """Returns the bytes of a file, or of a pipe that a shell made.
 
     Args:
         path: the file.
@@ -53,11 +53,21 @@ def read_bounded(path: Path, most: int) -> str:
     Raises:
         OSError: it cannot be opened, is a named pipe or a device (which may have no end), or is
             longer.
-        UnicodeDecodeError: its bytes are no UTF-8.
     """
     refuse_special(path)
     with path.open("rb") as stream:
         data = stream.read(most + 1)
     if len(data) > most:
         raise OSError(errno.EFBIG, f"More than {most / 1e6:g} MB", str(path))
-    return data.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+    return data
+
+
+def read_bounded(path: Path, most: int) -> str:
+    """Returns the UTF-8 text of a file, or of a pipe that a shell made.
+
+    Raises:
+        OSError: as `read_bytes`.
+        UnicodeDecodeError: its bytes are no UTF-8.
+    """
+    text = read_bytes(path, most).decode("utf-8")
+    return text.replace("\r\n", "\n").replace("\r", "\n")

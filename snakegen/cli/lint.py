@@ -73,19 +73,22 @@ def _count(number: int, what: str) -> str:
 def _mend(path: Path) -> list[str]:
     """Mends the file in place, whole or not at all; returns what was done."""
     from snakegen.base.atomic_io import write_atomically
-    from snakegen.base.bounded_text import read_bounded
     from snakegen.linter.fixes import fix
     from snakegen.linter.lint import LARGEST
+    from snakegen.linter.xml_text import as_utf8, read_xml
     from snakegen.linter.xml_tree import XmlFault
 
     try:
-        text = read_bounded(path, LARGEST)
+        text, encoding = read_xml(path, LARGEST)
         mended, done = fix(text, path.parent)
+        if encoding:
+            mended = as_utf8(mended)
+            done.insert(0, f"line 1: saved as UTF-8; it was {encoding}")
     except XmlFault:
         return []  # the findings say where it is broken
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise DescriptionError(f"{path}: cannot be read ({reason}).") from None
-    if mended != text:
+    if mended != text or encoding:
         write_atomically(path, mended)
     return done

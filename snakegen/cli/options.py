@@ -41,14 +41,16 @@ class Source:
     @property
     def is_xml(self) -> bool:
         """Whether ROBOT is a description already, not a spec."""
-        return self.robot.endswith((".urdf", ".xml"))
+        from snakegen.spec.urdf import is_description
+
+        return is_description(self.robot)
 
     def spec(self) -> Any:
         """Returns the RobotSpec of a preset or spec file with its overrides."""
         from snakegen.spec.loading import load_spec
 
         if self.is_xml:
-            kind = "a URDF" if self.robot.endswith(".urdf") else "XML"
+            kind = "XML" if self.robot.endswith(".xml") else "a URDF"
             raise SpecError(f"{self.robot}: is {kind}; this needs a preset or a spec file (.yaml).")
         return load_spec(
             self.robot, links=self.links, apparatus=self.apparatus, overrides=self.overrides

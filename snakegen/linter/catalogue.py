@@ -28,8 +28,8 @@ _SCHEMA = _tier(
     {
         "unreadable": (
             "error",
-            "The file cannot be read as UTF-8 text.",
-            "Name a text file that exists and is saved as UTF-8.",
+            "The file cannot be read as text.",
+            "Name a text file that exists, not compressed.",
         ),
         "too_large": (
             "error",
@@ -45,6 +45,11 @@ _SCHEMA = _tier(
             "warning",
             "Blank text precedes the XML declaration; strict parsers refuse the file.",
             "Remove everything before <?xml … ?>.",
+        ),
+        "foreign_encoding": (
+            "warning",
+            "The text is not UTF-8; parsers read other letters in its names, or refuse it.",
+            "Save the file as UTF-8; --fix does.",
         ),
         "doctype": (
             "error",
@@ -399,6 +404,21 @@ _PORTABILITY = _tier(
             "note",
             "A package:// path is not resolved by MuJoCo and log viewers.",
             "Use a path relative to the file.",
+        ),
+        "attribute_blanks": (
+            "warning",
+            "Tabs or line ends in a vector: urdfdom, so ROS and Pinocchio, refuse the file.",
+            "Write the numbers on one line with blanks between them.",
+        ),
+        "undeclared_prefix": (
+            "warning",
+            "A prefix that no xmlns declares: XML parsers with namespaces refuse the file.",
+            'Add xmlns:PREFIX="…" to <robot>, or drop the prefix.',
+        ),
+        "default_namespace": (
+            "note",
+            "A default namespace: XML parsers with namespaces do not find <robot>.",
+            "Drop xmlns=…; URDF has no namespace.",
         ),
         "remote_mesh": (
             "warning",

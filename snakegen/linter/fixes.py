@@ -1,8 +1,8 @@
 """Safe mends of a URDF: edits that change no number that a parser reads today.
 
 Mended are axes that are not of length 1, inertials of massless frames, attributes and tags that
-are misspelt, elements repeated word for word, backslashes in paths, absolute paths to files below
-the file's own folder, and blank text before the XML declaration. Everything else needs a person.
+are misspelt, vectors over several lines, backslashes in paths, absolute paths to files below the
+file's own folder, and blank text before the XML declaration. Everything else needs a person.
 """
 
 import math
@@ -55,6 +55,16 @@ def fix(text: str, folder: Path | None = None) -> tuple[str, list[str]]:
     return b"".join([*out, data[at:]]).decode("utf-8"), done
 
 
+def _one_line(node: Node, tag: bytes, owner: str) -> Iterator[Mend]:
+    rule = GRAMMAR.get(node.tag)
+    for name in (n for n, count in rule.numbers if count > 1) if rule else ():
+        match = re.search(rb"""(?<=\s)%s\s*=\s*("[^"]*"|'[^']*')""" % name.encode(), tag)
+        if match is not None and re.search(rb"[\t\n\r]", match[1]):
+            words = f"put {name} of <{node.tag}> of {owner} on one line"
+            value = " ".join(match[1][1:-1].decode("utf-8").split())
+            yield from _attribute(node, tag, name, value, words)
+
+
 def _mends(robot: Node, data: bytes, folder: Path | None) -> Iterator[Mend]:
     waiting = [(robot, label(robot))]
     while waiting:
@@ -67,7 +77,9 @@ def _mends(robot: Node, data: bytes, folder: Path | None) -> Iterator[Mend]:
         tag = data[node.start : _tag_end(data, node.start)]
         if node.tag == "axis":
             yield from _unit_axis(node, tag, owner)
-        elif node.tag == "link":
+        else:
+            yield from _one_line(node, tag, owner)
+        if node.tag == "link":
             yield from _drop_empty_inertial(node, data)
         elif node.tag in ("mesh", "texture"):
             yield from _portable_path(node, tag, owner, folder)

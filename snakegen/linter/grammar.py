@@ -207,6 +207,7 @@ def _attribute_faults(node: Node, rule: Tag, where: str) -> Iterator[Finding]:
             yield finding("missing_attribute", where, node.line, message, severity)
         elif not value.strip() and name not in counts:
             message = f"the attribute {name!r} is empty"
+            severity = "warning" if node.tag == "robot" else severity  # a name is made up
             yield finding("missing_attribute", where, node.line, message, severity)
     yield from _habits(node, where)
 

@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from snakegen.base.bounded_text import read_bounded
 from snakegen.errors import DescriptionError
 from snakegen.linter.body_rules import body_faults
 from snakegen.linter.file_rules import mesh_faults
@@ -19,7 +18,9 @@ from snakegen.linter.joint_rules import joint_faults
 from snakegen.linter.mesh_rules import mesh_inertia_faults
 from snakegen.linter.mjcf_rules import mjcf_faults
 from snakegen.linter.rotor_rules import rotor_faults
+from snakegen.linter.text_rules import text_faults
 from snakegen.linter.tree_rules import tree_faults
+from snakegen.linter.xml_text import conforming, read_xml
 from snakegen.linter.xml_tree import XmlFault, parse_xml
 
 __all__ = ["Finding", "check", "lint", "refuse", "refuse_mjcf"]
@@ -49,6 +50,7 @@ def lint(
     """
     base = None if folder is None else Path(folder)
     try:
+        encoding = ""
         if _is_text(source):
             text = str(source)
         else:
@@ -56,14 +58,18 @@ def lint(
             if path.is_file() and path.stat().st_size > LARGEST:
                 message = f"the file has {path.stat().st_size / 1e6:.0f} MB, at most "
                 return [finding("too_large", "", 1, f"{message}{LARGEST / 1e6:.0f} are read")]
-            text = read_bounded(path, LARGEST)
+            text, encoding = read_xml(path, LARGEST)
             base = base or path.parent
-        return _findings(text, base, frozenset(extensions), quick)
+        found = _findings(text, base, frozenset(extensions), quick)
+        if encoding:
+            message = f"its text is {encoding}, not UTF-8"
+            found.insert(0, finding("foreign_encoding", "", 1, message))
+        return found
     except OSError as fault:
         return [finding("unreadable", "", 1, f"cannot be read: {fault.strerror or fault}")]
     except ValueError as fault:
         reason = getattr(fault, "reason", None) or str(fault)
-        return [finding("unreadable", "", 1, f"cannot be read as UTF-8 text: {reason}")]
+        return [finding("unreadable", "", 1, f"cannot be read: {reason}")]
 
 
 def _findings(
@@ -89,6 +95,7 @@ def _findings(
         found.append(finding("not_a_robot", f"<{root.tag}>", root.line, message))
     else:
         found += [
+            *text_faults(root, text),
             *grammar_faults(root, EXTENSIONS | extensions),
             *tree_faults(root),
             *body_faults(root),
@@ -97,7 +104,7 @@ def _findings(
             *rotor_faults(root),
         ]
         if folder is not None and not quick and all(f.severity != "error" for f in found):
-            found += mesh_inertia_faults(root, text, folder)
+            found += mesh_inertia_faults(root, conforming(text), folder)
     return sorted(found, key=lambda item: item.line)
 
 

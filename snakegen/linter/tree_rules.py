@@ -24,7 +24,8 @@ def tree_faults(robot: Node) -> Iterator[Finding]:
         ends = {side: end_of(joint, side) for side in ("parent", "child")}
         for side, end in ends.items():
             if end is not None and end not in links:
-                message = f"its {side} link {end!r} does not exist.{near(end, links)}"
+                known = [name for name in links if name]
+                message = f"its {side} link {end!r} does not exist.{near(end, known)}"
                 line = getattr(joint.find(side), "line", joint.line)
                 yield finding(f"dangling_{side}", label(joint), line, message)
         parent, child = ends["parent"], ends["child"]

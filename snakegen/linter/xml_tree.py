@@ -19,7 +19,7 @@ _ENDS = {b"<!--": b"-->", b"<![CDATA[": b"]]>", b"<?": b"?>"}
 class XmlFault(Exception):
     """Text that is not plain XML: `code` is that of a lint rule, `line` is 1-based.
 
-    Codes are ``malformed_xml``, ``doctype`` and ``too_large``.
+    Codes are ``malformed_xml``, ``doctype``, ``too_large`` and ``unreadable``.
     """
 
     def __init__(self, code: str, line: int, message: str) -> None:
@@ -99,6 +99,8 @@ def parse_xml(text: str) -> Node:
         if match := re.search(rb"<[^<>!?][^<>]{%d}" % LONGEST, data):
             line = data.count(b"\n", 0, match.start()) + 1
             raise XmlFault("too_large", line, f"a tag of more than {LONGEST / 1e6:g} MB")
+    if words := _other_format(data):
+        raise XmlFault("unreadable", 1, words)
     parser.StartElementHandler = start
     parser.EndElementHandler = end
     parser.StartDoctypeDeclHandler = doctype
@@ -110,6 +112,20 @@ def parse_xml(text: str) -> Node:
             "malformed_xml", error.lineno, f"not well-formed XML at column {error.offset}: {reason}"
         ) from None
     return top.children[0]
+
+
+def _other_format(data: bytes) -> str:
+    """Returns what a text is that is no XML at all; empty for what may be XML."""
+    head = data[:2000].lstrip().lower()
+    if not head:
+        return "the file is empty" if not data.strip() else ""
+    if head.startswith(b"version https://git-lfs"):
+        return "it is a Git LFS pointer, not the file: run git lfs pull"
+    if head.startswith((b"<!doctype html", b"<html")):
+        return "it is a page of HTML, as a web site answers for the file"
+    if not head.startswith(b"<"):
+        return "it does not begin with '<', so it is no XML"
+    return ""
 
 
 def short_of_comments(text: str) -> str:

@@ -81,6 +81,8 @@ def build(
     from snakegen.spec.warnings import warnings
 
     spec = load_spec(source)
+    if spec.name.lower() == "scene":
+        raise SpecError(f"name: '{spec.name}' is the name of the scene's file; choose another.")
     target = Path(out_dir) if out_dir is not None else Path("generated") / spec.variant
     with folder_whole(target) as folder:
         spec_path = folder / f"{spec.name}.spec.yaml"

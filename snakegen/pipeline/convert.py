@@ -1,6 +1,7 @@
 """From a URDF of any origin to a folder with URDF, meshes, MJCF and scene that provably agree."""
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -50,7 +51,8 @@ def convert(
 
     Raises:
         GateError: MuJoCo and Pinocchio disagree by more than 1e-9.
-        DescriptionError: no URDF, or one with errors; a mesh too large to read.
+        DescriptionError: no URDF, or one with errors; a mesh too large to read; a folder in which
+            the URDF, a mesh or the modules file would be overwritten.
     """
     from snakegen.linter.lint import lint
 
@@ -59,10 +61,12 @@ def convert(
     if robot.path is None:
         raise DescriptionError(f"{urdf}: convert reads a URDF file; build makes one of a spec.")
     found = [str(f) for f in lint(robot.urdf, folder=robot.folder) if f.severity == "warning"]
-    name = file_stem(robot.name)
+    name = _stem(robot)
     target = Path(out_dir) if out_dir is not None else Path(f"{name}_mjcf")
     with folder_whole(target) as folder:
-        result, noted = _write(robot, folder)
+        result, noted, meshes = _write(robot, folder)
+        given = (path, *meshes) if modules is None else (path, *meshes, Path(modules))
+        _refuse_overwriting(given, folder, target)
     return Conversion(
         target / f"{name}.urdf",
         target / f"{name}.xml",
@@ -72,8 +76,28 @@ def convert(
     )
 
 
-def _write(robot: Robot, folder: Path) -> tuple[Any, tuple[str, ...]]:
-    """Writes the files; returns the figures of the check, and what a user should know."""
+def _stem(robot: Robot) -> str:
+    """Returns the name of the files, which is not that of the scene."""
+    name = file_stem(robot.name)
+    return f"{name}_robot" if name.lower() == "scene" else name
+
+
+def _refuse_overwriting(given: Iterable[Path], made: Path, target: Path) -> None:
+    """Refuses to put a file of the folder `made` over one that was read, in `target`.
+
+    Raises:
+        DescriptionError: names the file.
+    """
+    written = {(target / p.relative_to(made)).resolve() for p in made.rglob("*") if p.is_file()}
+    for path in given:
+        if path.resolve() in written:
+            raise DescriptionError(
+                f"{target}: {path} would be overwritten, which is read; choose another folder."
+            )
+
+
+def _write(robot: Robot, folder: Path) -> tuple[Any, tuple[str, ...], tuple[Path, ...]]:
+    """Writes the files; returns figures of the check, what a user should know, meshes read."""
     import mujoco
 
     from snakegen.description.mjcf.base_mount import floor_height, supports
@@ -87,7 +111,7 @@ def _write(robot: Robot, folder: Path) -> tuple[Any, tuple[str, ...]]:
     from snakegen.robot.floating_root import without_floating_root
     from snakegen.spec.urdf import read_urdf
 
-    name, modules = file_stem(robot.name), robot.modules
+    name, modules = _stem(robot), robot.modules
     ready = importable(robot.urdf, robot.folder)
     for file, content in ready.assets.items():
         (folder / file).parent.mkdir(exist_ok=True)
@@ -111,7 +135,8 @@ def _write(robot: Robot, folder: Path) -> tuple[Any, tuple[str, ...]]:
         raise DescriptionError(f"{path.name}: MuJoCo cannot load it ({error}).") from None
     result = compare(robot, model, motors=motors)
     refuse_differences(name, result)
-    return result, (*(f"left out: {text}" for text in ready.dropped), *touching)
+    noted = (*(f"left out: {text}" for text in ready.dropped), *touching)
+    return result, noted, ready.sources
 
 
 def motor_joints(robot: Robot) -> tuple[str, ...]:

@@ -102,15 +102,15 @@ def load(source: Any, *, modules: ModulesSource | None = None) -> Robot:
     """Reads a robot from a preset name, a spec file or RobotSpec, or a URDF file.
 
     Args:
-        source: what to read; a path that ends in .urdf is a URDF.
+        source: what to read; a path that ends in .urdf is a URDF, and so is a file of XML.
         modules: a modules file for a URDF that snakegen did not write, or what it holds.
 
     Raises:
         SnakegenError: one line that says what is wrong, where, and what would have worked.
     """
-    from snakegen.spec.urdf import read_urdf, urdf_text
+    from snakegen.spec.urdf import is_description, read_urdf, urdf_text
 
-    if isinstance(source, str | Path) and str(source).endswith((".urdf", ".xml")):
+    if isinstance(source, str | Path) and is_description(source):
         path = Path(source)
         return from_urdf_text(read_urdf(path), path, modules=modules)
     if modules is not None:

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from snakegen.base import yaml_file
-from snakegen.base.bounded_text import read_bounded
 from snakegen.errors import DescriptionError
+from snakegen.linter.xml_text import conforming, read_xml
 from snakegen.linter.xml_tree import short_of_comments
 from snakegen.spec.loading import load_spec, templates_folder
 from snakegen.spec.xacro_speed import one_step_replacement
@@ -70,11 +70,25 @@ def _expanded(text: str, name: str, mesh_prefix: str, stamps: tuple[tuple[str, i
     return _BANNER.sub(_OURS.format(spec=name), document.toprettyxml(indent="  "), count=1)
 
 
+def is_description(source: str | Path) -> bool:
+    """Tells whether a robot is named by a URDF: by the file's ending, else by its first letter."""
+    path = Path(source)
+    if path.suffix.lower() in (".urdf", ".xml", ".xacro"):
+        return True
+    if path.suffix.lower() in (".yaml", ".yml") or not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file:
+            return file.read(200).removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<")
+    except OSError:
+        return False
+
+
 def read_urdf(path: Path) -> str:
     """Returns the text of a URDF file.
 
     Raises:
-        DescriptionError: no such file, not UTF-8, or larger than `MAX_BYTES`.
+        DescriptionError: no such file, no text, or larger than `MAX_BYTES`.
     """
     try:
         size = path.stat().st_size
@@ -82,13 +96,13 @@ def read_urdf(path: Path) -> str:
             raise DescriptionError(
                 f"{path}: {size / 1e6:.4g} MB; up to {MAX_BYTES / 1e6:g} MB are read."
             )
-        text = short_of_comments(read_bounded(path, MAX_BYTES).removeprefix("\ufeff"))
+        text = short_of_comments(read_xml(path, MAX_BYTES)[0].removeprefix("\ufeff"))
         body = text.lstrip()  # a blank before the declaration is common, and no XML
-        return body if body.startswith("<?xml") else text
+        return conforming(body if body.startswith("<?xml") else text)
     except FileNotFoundError:
         raise DescriptionError(f"{path}: no such file.") from None
     except IsADirectoryError:
         raise DescriptionError(f"{path}: is a folder.") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise DescriptionError(f"{path}: cannot be read ({reason}).") from None

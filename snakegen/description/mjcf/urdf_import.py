@@ -37,11 +37,13 @@ class Import:
         text: the URDF with mesh paths that name `assets`.
         assets: bytes of each mesh file by that path.
         dropped: shapes and settings left out, a sentence each.
+        sources: the mesh files that were read.
     """
 
     text: str
     assets: dict[str, bytes]
     dropped: tuple[str, ...]
+    sources: tuple[Path, ...] = ()
 
 
 def importable(
@@ -75,7 +77,7 @@ def importable(
             if fault is not None:
                 link.remove(part)
                 dropped.append(f"{part.tag} of link '{link.get('name')}': {fault}")
-    return Import(ET.tostring(robot, encoding="unicode"), assets, tuple(dropped))
+    return Import(ET.tostring(robot, encoding="unicode"), assets, tuple(dropped), tuple(names))
 
 
 def _own_settings(robot: ET.Element, folder: Path | None) -> tuple[tuple[Path, ...], list[str]]:
