@@ -1,10 +1,12 @@
 """What is refused before take-off, each with what would have worked: ranks, speeds, first hover."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import snakegen
 from snakegen import load
 from snakegen.analysis.allocation import allocation
 from snakegen.control.controller import flight_controller
@@ -14,7 +16,7 @@ from snakegen.errors import MissionError, SnakegenError
 from snakegen.kernels.control.types import DUAL, VIRTUAL
 from snakegen.simulation.flight.postures import place, resting_joints
 from snakegen.simulation.flight.preflight import check_start
-from snakegen.simulation.flight.run import prepare
+from snakegen.simulation.flight.run import prepare, run
 from snakegen.simulation.missions import planned
 from snakegen.spec.loading import load_spec
 
@@ -138,3 +140,31 @@ def test_another_allocator_and_mode_are_named_where_they_hover():
     prepare(changed("dragon4", weak), "hover")
     with pytest.raises(MissionError, match=r"What would hover: 1\.0"):  # neither does here
         prepare(changed("dragon4", "vectoring_apparatus.thrust_max=10.05"), "hover")
+
+
+@pytest.mark.parametrize("reach, words", [(0.2, ""), (0.6, "tips over before its integrals hold")])
+def test_a_body_that_unequal_rotors_tip_over_is_refused(
+    reach: float, words: str, tmp_path: Path
+) -> None:
+    """Light for its levers: a radius of gyration of 35 mm with rotors 0.6 m off."""
+    urdf = tmp_path / "solid.urdf"
+    urdf.write_text(
+        '<robot name="solid"><link name="body"><inertial><mass value="1.3"/><inertia ixx="0.0016" '
+        'ixy="0" ixz="0" iyy="0.0016" iyz="0" izz="0.003"/></inertial></link></robot>'
+    )
+    spots = [[reach * np.cos(a), reach * np.sin(a), 0.02] for a in np.arange(6) * np.pi / 3]
+    rotors = [
+        {"link": "body", "position": [float(x) for x in p], "thrust_max": 8, "drag_ratio": d}
+        for p, d in zip(spots, (0.016, -0.016) * 3, strict=True)
+    ]
+    data = {"floating_root": "body", "apparatuses": [{"rotors": [r]} for r in rotors]}
+    robot = snakegen.load(urdf, modules=data)
+    options = {"duration": 2.0}
+    if words:
+        with pytest.raises(MissionError, match=f"{words}.*35.1 mm.*0.6 m off.*thrust_mismatch"):
+            prepare(robot, "hover", options=options)
+        assert prepare(robot, "hover", options=options, ideal=True).robot is robot
+        calm = snakegen.load(urdf, modules=data | {"plant": {"thrust_mismatch": 0.005}})
+        assert prepare(calm, "hover", options=options).robot is calm
+    else:
+        assert run(robot, "hover", options={"duration": 10.0}, seed=2).verdict.passed

@@ -165,7 +165,9 @@ def test_a_robot_named_scene_does_not_meet_the_scene(name: str, tmp_path: Path) 
     made = snakegen.convert(path, tmp_path / "out")
     assert made.mjcf.name == f"{name}_robot.xml" and made.equivalence.worst < 1e-9
     with pytest.raises(SnakegenError, match="the name of the scene's file"):
-        snakegen.build({"name": name, "chain": {"links": 2, "length": 0.3, "mass": 1}}, tmp_path / "built")
+        snakegen.build(
+            {"name": name, "chain": {"links": 2, "length": 0.3, "mass": 1}}, tmp_path / "built"
+        )
 
 
 def _beside(folder: Path) -> tuple[Path, Path, Any]:

@@ -20,7 +20,12 @@ from snakegen.simulation.flight.bounds.flight_bounds import (
 )
 from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections
-from snakegen.simulation.flight.preflight import check_air, check_references, check_start
+from snakegen.simulation.flight.preflight import (
+    check_air,
+    check_levers,
+    check_references,
+    check_start,
+)
 from snakegen.simulation.flight.prepared_run import MODES, PreparedRun
 from snakegen.simulation.flight.reference_limits import check_motion
 from snakegen.simulation.flight.scene_geoms import described
@@ -132,6 +137,7 @@ def prepare(
     if hasattr(module, "plant"):
         imperfections = module.plant(imperfections, asked)
     check_air(plan, imperfections)
+    check_levers(robot, controller, plan, imperfections)
     if plan.trim or plan.on_floor:
         force, torque = integral_limits(robot, controller, plan, imperfections)
         controller = controller.with_law(force_integral_limit=force, torque_integral_limit=torque)
