@@ -19,9 +19,10 @@ import snakegen
 from snakegen.design_search.body_arrays import BodyArrays
 from snakegen.design_search.posture_margins import place_design
 from snakegen.kernels.margins import one_slice, saddle_point
-from snakegen.sensitivity.margin_gradient import MarginGradient, margin_gradients
+from snakegen.sensitivity.margin_gradient import margin_gradients
 from snakegen.wrench_margins import saddle_point as saddle
 from snakegen.wrench_margins.gradients import UNIT
+from snakegen.wrench_margins.vectored import set_margins
 
 STEP = 1e-5
 POSTURES = 3000  # of the cost
@@ -80,9 +81,16 @@ class Line:
     start: np.ndarray
     way: np.ndarray
 
-    def at(self, t: float) -> MarginGradient:
-        """Returns the margin at t, from a certified search of its own."""
-        return margin_gradients(self.robot, self.start + t * self.way, "torque")
+    def weakest(self, t: float) -> np.ndarray:
+        """Returns the weakest twist at t (6,), N·m per N and N·m, of a certified search."""
+        robot, q = self.robot, self.start + t * self.way
+        hover = np.r_[robot.force_scale * robot.base_pose(q)[0][2], 0.0, 0.0, 0.0]
+        found = set_margins(
+            robot.force_sets(q), hover, wrench_starts=0, force_scale=robot.force_scale,
+            torque_scale=robot.torque_scale,
+        )  # fmt: skip
+        twist = found.twists[2]
+        return twist * robot.torque_scale / found.scale / np.linalg.norm(twist[3:])
 
     def piece(self, t: float, twist: np.ndarray) -> tuple[float, np.ndarray]:
         """Returns the value and the twist of the local optimum near a twist."""
@@ -100,13 +108,12 @@ class Line:
 
     def tie(self) -> float | None:
         """Returns t at which two worst directions tie; None where none is found."""
-        low, high, one, other = 0.0, 0.5, self.at(0.0), self.at(0.5)
-        first, last = (g.pieces[0].twist for g in (one, other))
+        low, high, first, last = 0.0, 0.5, self.weakest(0.0), self.weakest(0.5)
         if first[3:] @ last[3:] > APART:
             return None
         for _ in range(COARSE):
             middle = 0.5 * (low + high)
-            now = self.at(middle).pieces[0].twist
+            now = self.weakest(middle)
             if first[3:] @ now[3:] > APART:
                 low, first = middle, now
             else:

@@ -8,10 +8,10 @@ design through thrust points, limits and load alone: ``dm = Σ f · (ω × dp) +
 import numpy as np
 
 from snakegen.base.geometry import Floats
-from snakegen.design_search.evaluate import SEARCHED, Score, option, sign
+from snakegen.design_search.evaluate import SEARCHED, Score, option
+from snakegen.design_search.grammar import MEASURES, VIRTUAL, sign
 from snakegen.design_search.posture_margins import Certified, PlacedDesign, certify, place_design
 from snakegen.design_search.problem import Problem
-from snakegen.design_search.study import MARGINS
 
 STEP = 1e-5  # of a variable's range, in the central differences of arrays
 BAND = 0.02  # share of postures round the quantile whose derivatives are averaged
@@ -52,16 +52,16 @@ def ascent_direction(
 ) -> Floats | None:
     """Returns a unit direction (d,), in shares of the ranges, that raises the heaviest margin.
 
-    None where no margin is asked for, or none has exact forces.
+    None where no margin without losses and joint limits is asked for, or none has exact forces.
     """
-    margins = [(w, n) for w, n in zip(weights, names, strict=True) if n in MARGINS and w > 0.0]
+    margins = [(w, n) for w, n in zip(weights, names, strict=True) if w > 0.0 and n in MEASURES]
     if not margins:
         return None
     _, name = max(margins, key=lambda row: row[0])
-    kind, failed, how = MARGINS[name]
-    over = option(problem, name).over
-    if failed:
+    measure, over = MEASURES[name], option(problem, name).over
+    if not measure.margin or measure.failed or measure.mode != VIRTUAL:
         return None
+    kind, how = measure.quantity, measure.how
     topology = problem.topology(x)
     placed = place_design(problem.arrays(x), topology.sets[over], topology.indices)
     found = certify(placed, (kind,), SEARCHED)[kind]

@@ -11,13 +11,41 @@ from typing import Any
 import numpy as np
 
 from snakegen.base.geometry import Floats
+from snakegen.description.meshes.solids_of import rod_radii
 from snakegen.errors import AnalysisError
 from snakegen.kernels.allocation.wrench_map import mean_drag
-from snakegen.kernels.core.types import Gimbals, Rotors, Tree
+from snakegen.kernels.core.types import Gimbals, Ints, Rotors, Tree
 from snakegen.robot.robot import GRAVITY, Robot
 from snakegen.wrench_margins.force_sets import ForceSets
 
 AGREED = 1e-12  # between closed form and templates, m, kg and N
+
+
+@dataclass(frozen=True, eq=False)
+class Rods:
+    """The links of a robot in space.
+
+    Attributes:
+        bodies: (L,) that carry them.
+        ends: (L, 2, 3) m, in their bodies.
+        radii: (L,) m.
+    """
+
+    bodies: Ints
+    ends: Floats
+    radii: Floats
+
+    @staticmethod
+    def of(robot: Robot) -> "Rods":
+        """Returns the links of a robot whose lengths are known."""
+        names = list(robot.modules.lengths)
+        places = [robot.body_of_link(n) for n in names]
+        ends = [
+            [p, p + turn @ np.array([robot.modules.lengths[n], 0.0, 0.0])]
+            for n, (_, turn, p) in zip(names, places, strict=True)
+        ]
+        bodies = np.array([b for b, _, _ in places], np.int64)
+        return Rods(bodies, np.reshape(ends, (-1, 2, 3)), rod_radii(robot.urdf, names))
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +57,9 @@ class BodyArrays:
         shapes: what its apparatuses can push with.
         low, high: (n-1,) rad, limits of all joints.
         link_length: m, mean.
+        rods: what its links are in space.
+        diameters: (n_rotors,) m.
+        efforts: (k,) N·m, limits of the joints that shape the body.
     """
 
     tree: Tree
@@ -38,6 +69,9 @@ class BodyArrays:
     low: Floats
     high: Floats
     link_length: float
+    rods: Rods
+    diameters: Floats
+    efforts: Floats
 
     @property
     def mass(self) -> float:
@@ -53,9 +87,11 @@ class BodyArrays:
     def of(robot: Robot) -> "BodyArrays":
         """Returns the arrays of a robot."""
         low, high, _ = robot.limits(robot.joint_names)
+        diameters = [r.diameter for a in robot.modules.apparatuses for r in a.rotors]
         return BodyArrays(
             robot.tree, robot.rotors, robot.gimbals, robot.force_shapes, low, high,
-            robot.link_length,
+            robot.link_length, Rods.of(robot), np.array(diameters, float),
+            robot.limits(robot.chain_joints)[2],
         )  # fmt: skip
 
 
@@ -94,6 +130,10 @@ class Skeleton:
             (made.rotors.thrust_max, known.rotors.thrust_max),
             (made.shapes.high, known.shapes.high),
             (made.gimbals.thrust_point, known.gimbals.thrust_point),
+            (made.rods.ends, known.rods.ends),
+            (made.rods.radii, known.rods.radii),
+            (made.diameters, known.diameters),
+            (made.efforts, known.efforts),
         ]
         if any(np.abs(a - b).max(initial=0.0) > AGREED for a, b in pairs):
             raise AnalysisError(f"{robot.name}: some of its modules are not known in closed form.")
@@ -140,10 +180,17 @@ class Skeleton:
         points = np.array([rotors.position[count == j].mean(axis=0) for j in range(n)])
         limit = np.array([rotors.thrust_max[count == j].sum() for j in range(n)])
         gimbals = old.gimbals._replace(thrust_point=points, limit=limit)
-        length = float(np.mean(chain["length"]))
+        ends = np.zeros_like(old.rods.ends)
+        ends[:, 1, 0] = chain["length"]
+        radii = np.array(chain["radius"], float)
+        efforts = [joint["effort"][int(n[5:].partition("_")[0]) - 1] for n in self.chain_joints]
         return replace(
-            old, tree=tree, rotors=rotors, gimbals=gimbals, shapes=shapes, link_length=length
-        )
+            old, tree=tree, rotors=rotors, gimbals=gimbals, shapes=shapes,
+            link_length=float(np.mean(chain["length"])),
+            rods=replace(old.rods, ends=ends, radii=radii),
+            diameters=np.repeat(np.array(unit["rotor_diameter"], float), unit["rotors"]),
+            efforts=np.array(efforts, float),
+        )  # fmt: skip
 
     @staticmethod
     def _links(

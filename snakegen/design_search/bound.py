@@ -18,9 +18,10 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.design_search.evaluate import SEARCHED, evaluate, option
+from snakegen.design_search.grammar import MEASURES, VIRTUAL
 from snakegen.design_search.posture_margins import PlacedDesign, certify, place_design
 from snakegen.design_search.problem import Problem
-from snakegen.design_search.study import MARGINS, StudyError
+from snakegen.design_search.study import StudyError
 
 MOST = 4  # variables
 AFFINE = 1e-9  # m, N: how far thrust points may be from moving straight
@@ -100,9 +101,10 @@ def prove(
     study, name = problem.study, next(iter(problem.study.objectives))
     if problem.whole.any() or len(problem.names) > MOST:
         raise StudyError(f"{study.name}: a proof takes at most {MOST} ranges and no choices.")
-    if name not in MARGINS or MARGINS[name][1]:
+    measure = MEASURES.get(name)
+    if not (measure and measure.margin and measure.mode == VIRTUAL) or measure.failed:
         raise StudyError(f"{study.name}: '{name}' has no proof; force and torque margins have.")
-    kind, _, how = MARGINS[name]
+    kind, how = measure.quantity, measure.how
     ask = option(problem, name)
     topology = next(iter(problem.topologies.values()))
     samples = topology.sets[ask.over]

@@ -8,15 +8,30 @@ import numpy as np
 from snakegen.base.geometry import Floats
 from snakegen.control.power import AIR, FIGURE_OF_MERIT, battery_joules
 from snakegen.design_search.body_arrays import BodyArrays
-from snakegen.design_search.posture_margins import PlacedDesign, certify, place_design
+from snakegen.design_search.grammar import DUAL, FIGURES, JOINT_LIMITED, MEASURES, Measure
+from snakegen.design_search.joint_limited import joint_limited_values
+from snakegen.design_search.posture_figures import (
+    Best,
+    body_reach,
+    joint_loads,
+    joint_torques,
+    opening_clearance,
+    wake_losses,
+)
+from snakegen.design_search.posture_margins import (
+    PlacedDesign,
+    certify,
+    dual_values,
+    place_design,
+)
 from snakegen.design_search.problem import Problem
-from snakegen.design_search.study import FIGURES, MARGINS, Objective
+from snakegen.design_search.study import Objective
 from snakegen.robot.robot import GRAVITY
 
 SEARCHED, SHOWN = 1e-2, 1e-4  # tolerance of the certified bounds
-LOW_IS_GOOD = (
-    "mass_kg", "length_m", "thrust_to_weight", "price", "joint_effort_Nm", "hover_power_W",
-)  # fmt: skip
+BY_POSTURE = {
+    "joint_torque": joint_torques, "joint_load": joint_loads, "wake_loss": wake_losses,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -38,14 +53,10 @@ class Score:
         return not self.violated and all(np.isfinite(v) for v in self.values.values())
 
 
-def sign(name: str) -> float:
-    """Returns +1 for an objective to be made large, -1 for one to be made small."""
-    return -1.0 if name in LOW_IS_GOOD else 1.0
-
-
 def option(problem: Problem, name: str) -> Objective:
-    """Returns how a margin is taken."""
-    return problem.study.objectives.get(name) or Objective()
+    """Returns how a figure over postures is taken."""
+    study = problem.study
+    return study.objectives.get(name) or study.constraints.get(name) or Objective()
 
 
 def figures(arrays: BodyArrays, resolved: dict[str, Any], price: float) -> dict[str, float]:
@@ -112,41 +123,70 @@ def score(
     if violated and not final:
         return Score(values, violated)
     placed: dict[str, PlacedDesign] = {}
-    found: dict[tuple[str, str, bool], Floats] = {}
+    found: dict[tuple[str, tuple[str, str, bool]], Floats] = {}
     for name in asked:
-        if name not in MARGINS:
+        measure = MEASURES.get(name)
+        if measure is None:
             continue
-        kind, failed, how = MARGINS[name]
         ask = option(problem, name)
         over: str = "certify" if final and ask.over == "range" else ask.over
         if over not in placed:
             placed[over] = place_design(arrays, sets[over], indices)
-        key = (over, kind, failed)
+        if measure.how == "best":
+            values[name] = best_posture(problem, measure, placed[over]).value
+            continue
+        key = (over, measure.key)
         if key not in found:
-            found[key] = _margin(placed[over], kind, failed, SHOWN if final else SEARCHED)
-        margin = found[key]
-        values[name] = float(
-            margin.min()
-            if how == "worst"
-            else np.quantile(margin, ask.quantile, method="inverted_cdf")
-        )
+            found[key] = by_posture(measure, placed[over], SHOWN if final else SEARCHED)
+        values[name] = aggregate(measure, found[key], ask.quantile)
     violated = _violations(problem, values)
-    for (over, kind, failed), margin in found.items():
+    for (over, same), margin in found.items():
         if over != "motion" and not np.isfinite(margin).all():
-            name = f"hover out of reach ({kind}{', after a loss' if failed else ''})"
-            lost = [v for n, v in values.items() if MARGINS.get(n, ())[:2] == (kind, failed)]
+            kind, mode, failed = same
+            words = [kind, *(["joint-limited"] if mode == JOINT_LIMITED else [])]
+            name = f"hover out of reach ({' '.join(words)}{', after a loss' if failed else ''})"
+            lost = [v for n, v in values.items() if n in MEASURES and MEASURES[n].key == same]
             if not np.isfinite(lost).all():  # a slope towards what hovers
                 violated[name] = 10.0 + float(np.mean(~np.isfinite(margin)))
     return Score(values, violated)
 
 
-def _margin(placed: PlacedDesign, kind: str, failed: bool, tolerance: float) -> Floats:
-    """Returns a margin by posture; with `failed` the least after the loss of any one apparatus."""
-    if not failed:
-        return certify(placed, (kind,), tolerance)[kind].values
-    n = placed.points.shape[1]
-    each = [certify(placed, (kind,), tolerance, lost)[kind].values for lost in range(n)]
-    return np.asarray(np.min(each, axis=0))
+def aggregate(measure: Measure, values: Floats, quantile: float) -> float:
+    """Returns what is made of values by posture: the worst, or what a share of them may pass."""
+    large = values if measure.large else -values
+    if measure.how == "quantile":
+        out = np.quantile(large, quantile, method="inverted_cdf")
+    else:
+        out = large.min()
+    return float(out if measure.large else -out)
+
+
+def best_posture(problem: Problem, measure: Measure, placed: PlacedDesign) -> Best:
+    """Returns the posture at which reach or clearance is best."""
+    holding, opening = problem.study.postures.holding, problem.study.opening
+    if measure.quantity == "reach" or opening is None:
+        return body_reach(placed, holding)
+    return opening_clearance(placed, opening.width, opening.height, holding)
+
+
+def by_posture(measure: Measure, placed: PlacedDesign, tolerance: float) -> Floats:
+    """Returns a figure by posture (m,); of margins -inf where hover is out of reach.
+
+    With `failed` a margin is the least after the loss of any one apparatus.
+    """
+    kind = measure.quantity
+    if kind in BY_POSTURE:
+        return BY_POSTURE[kind](placed)
+
+    def margin(lost: int) -> Floats:
+        if measure.mode == DUAL:
+            return dual_values(placed, kind, lost)
+        if measure.mode == JOINT_LIMITED:
+            return joint_limited_values(placed, kind, tolerance, lost)
+        return certify(placed, (kind,), tolerance, lost)[kind].values
+
+    lost = range(placed.points.shape[1]) if measure.failed else [-1]
+    return np.asarray(np.min([margin(j) for j in lost], axis=0))
 
 
 def _violations(problem: Problem, values: dict[str, float]) -> dict[str, float]:

@@ -114,11 +114,11 @@ class Scorer:
             )
         for line in lines[1:]:
             try:
-                row = json.loads(line)
+                row = json.loads(_verified(line))
                 values = {k: -np.inf if v is None else v for k, v in row["values"].items()}
                 self._stored[tuple(row["x"])] = Score(values, row["violated"])
             except (ValueError, KeyError, TypeError, AttributeError):
-                continue  # the line that a kill or a full disk cut off
+                continue  # the line that a kill or a full disk cut off, or damage
 
     def begin(self, seed: int) -> None:
         """Starts a journal, or keeps the one that was read."""
@@ -177,7 +177,25 @@ class Scorer:
             for x, s in zip(chunk, scores, strict=True):
                 values = {k: v if np.isfinite(v) else None for k, v in s.values.items()}
                 row = {"x": list(x), "values": values, "violated": s.violated}
-                file.write(json.dumps(row) + "\n")
+                text = json.dumps(row)
+                file.write(f"{_checksum(text)} {text}\n")
+
+
+def _checksum(text: str) -> str:
+    """Returns the first 16 digits of a line's SHA-256."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _verified(line: str) -> str:
+    """Returns a journal's line without its checksum.
+
+    Raises:
+        ValueError: they disagree.
+    """
+    digits, _, text = line.partition(" ")
+    if digits != _checksum(text):
+        raise ValueError(line)
+    return text
 
 
 def header(problem: Problem, seed: int) -> dict[str, object]:
@@ -185,4 +203,4 @@ def header(problem: Problem, seed: int) -> dict[str, object]:
     text = problem.study.model_dump_json()
     shape = json.dumps([t.data for t in problem.topologies.values()], sort_keys=True)
     digest = hashlib.sha256((text + shape).encode()).hexdigest()
-    return {"study": digest, "seed": seed, "version": __version__}
+    return {"journal": 2, "study": digest, "seed": seed, "version": __version__}

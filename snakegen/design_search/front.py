@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,19 @@ from scipy.stats import binom
 
 from snakegen.base.geometry import Floats
 from snakegen.design_search.body_arrays import BodyArrays
-from snakegen.design_search.evaluate import Score, option, score, sign
-from snakegen.design_search.posture_margins import certify, place_design
+from snakegen.design_search.evaluate import (
+    Score,
+    best_posture,
+    by_posture,
+    option,
+    score,
+)
+from snakegen.design_search.grammar import MEASURES, sign
+from snakegen.design_search.posture_margins import place_design
 from snakegen.design_search.problem import Problem, Topology, read_topology, robot_source
 from snakegen.design_search.search import Found
-from snakegen.design_search.study import MARGINS, StudyError
+from snakegen.design_search.study import StudyError
+from snakegen.pipeline.build import build
 from snakegen.robot.robot import load
 from snakegen.spec.loading import load_spec
 
@@ -38,6 +47,8 @@ class Design:
         rebuilt: largest relative difference to the same figures of the URDF's arrays.
         tries: by objective over the range, how many of `FRESH` random postures are worse than the
             claim, and whether the claim stands.
+        best: by figure that some posture reaches, that posture: rad by joint, and "heading".
+        equivalence: largest difference of MuJoCo and Pinocchio, of the built design.
     """
 
     label: str
@@ -47,6 +58,8 @@ class Design:
     values: dict[str, float]
     rebuilt: float
     tries: dict[str, tuple[int, bool]]
+    best: dict[str, dict[str, float]]
+    equivalence: float
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data: objectives by name beside the spec."""
@@ -59,6 +72,8 @@ class Design:
                 name: {"worse": worse, "of": FRESH, "claim_stands": fine}
                 for name, (worse, fine) in self.tries.items()
             },
+            "best_postures_rad": self.best,
+            "equivalence_error": self.equivalence,
         }
 
 
@@ -107,7 +122,20 @@ def _design(problem: Problem, x: tuple[float, ...], s: Score, label: str) -> Des
             f"{error:.1e} from its closed form; {AGREED:g} is allowed."
         )
     tries = _tries(problem, arrays, topology, s.values)
-    return Design(label, x, problem.chosen(at), data, s.values, error, tries)
+    best = _best_postures(problem, arrays, topology)
+    same = _equivalence(data)
+    return Design(label, x, problem.chosen(at), data, s.values, error, tries, best, same)
+
+
+def _equivalence(data: dict[str, Any]) -> float:
+    """Builds a design in a folder that is removed again; returns the error of its check.
+
+    Raises:
+        GateError: URDF and MJCF disagree.
+    """
+    with TemporaryDirectory() as folder:
+        made = build(load_spec(data), Path(folder) / "built", picture=False)
+        return float(made.equivalence.worst)
 
 
 def given_design(problem: Problem, folder: Path) -> Design | None:
@@ -119,24 +147,42 @@ def given_design(problem: Problem, folder: Path) -> Design | None:
     if not s.feasible or "price" in s.values:
         return None
     tries = _tries(problem, arrays, topology, s.values)
-    return Design("given", (), {}, topology.data, s.values, 0.0, tries)
+    best, same = _best_postures(problem, arrays, topology), _equivalence(topology.data)
+    return Design("given", (), {}, topology.data, s.values, 0.0, tries, best, same)
+
+
+def _best_postures(
+    problem: Problem, arrays: BodyArrays, topology: Topology
+) -> dict[str, dict[str, float]]:
+    """Returns the postures that prove reach and clearance."""
+    out = {}
+    for name in (*problem.study.objectives, *problem.study.constraints):
+        measure = MEASURES.get(name)
+        if measure is None or measure.how != "best":
+            continue
+        over: str = option(problem, name).over
+        samples = topology.sets["certify" if over == "range" else over]
+        found = best_posture(problem, measure, place_design(arrays, samples, topology.indices))
+        if np.isfinite(found.value):
+            angles = dict(zip(topology.skeleton.chain_joints, found.angles.tolist(), strict=True))
+            out[name] = angles | {"heading": found.heading}
+    return out
 
 
 def _tries(
     problem: Problem, arrays: BodyArrays, topology: Topology, values: dict[str, float]
 ) -> dict[str, tuple[int, bool]]:
-    """Tries each margin over the range on random postures that no figure was taken of."""
+    """Tries each figure over the range on random postures that none was taken of."""
     out = {}
     fresh = _fresh(topology.sets["certify"], problem)
     placed = place_design(arrays, fresh, topology.indices)
     for name in problem.study.objectives:
-        if name not in MARGINS or option(problem, name).over != "range":
+        measure, ask = MEASURES.get(name), option(problem, name)
+        if measure is None or measure.how == "best" or ask.over != "range":
             continue
-        kind, failed, how = MARGINS[name]
-        lost = range(placed.points.shape[1]) if failed else [-1]
-        margin = np.min([certify(placed, (kind,), 1e-3, j)[kind].values for j in lost], axis=0)
-        worse = int((margin < values[name]).sum())
-        share = option(problem, name).quantile if how == "quantile" else 1.0 / len(fresh)
+        found = by_posture(measure, placed, 1e-3)
+        worse = int((found < values[name] if measure.large else found > values[name]).sum())
+        share = ask.quantile if measure.how == "quantile" else 1.0 / len(fresh)
         out[name] = worse, worse <= int(binom.ppf(1.0 - DOUBT, FRESH, share))
     return out
 

@@ -1,6 +1,7 @@
 """Certified margins of one design over many postures, exact where they can be, and their forces."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from snakegen.kernels.margins import one_slice, saddle_point
 from snakegen.kernels.margins.posture_batch import PlacedPostures, hover_postures
 from snakegen.robot.robot import GRAVITY
 from snakegen.wrench_margins.gradients import UNIT
+from snakegen.wrench_margins.thrust import thrust_margins
 from snakegen.wrench_margins.vectored import set_margins
 
 ROW = {"force": 1, "torque": 2}
@@ -25,12 +27,28 @@ class PlacedDesign:
         points: (m, n, 3) m, from the CoG.
         frames: (m, n, 3, 3) of `kernels.mounts`.
         hover: (m, 6) N, N·m.
+        dual: (m, 6, n_rotors) wrench per newton of each rotor.
+        spine: (m, L, 2, 3) m, ends of the links, from the root link's origin.
+        discs: (m, n_rotors, 3) m, rotor centres, likewise.
+        samples: (m, k) rad, the postures, and
+        indices: (k,) which of the tree's angles they are.
     """
 
     arrays: BodyArrays
     points: Floats
     frames: Floats
     hover: Floats
+    dual: Floats
+    spine: Floats
+    discs: Floats
+    samples: Floats
+    indices: Ints
+
+    def rows(self, which: Any) -> "PlacedDesign":
+        """Returns the same at some of the postures."""
+        named = ("points", "frames", "hover", "dual", "spine", "discs", "samples")
+        taken: Any = {n: np.ascontiguousarray(getattr(self, n)[which]) for n in named}
+        return replace(self, **taken)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,14 +82,36 @@ def place_design(arrays: BodyArrays, samples: Floats, indices: Ints) -> PlacedDe
     m, n, rotors = len(samples), arrays.gimbals.limit.size, arrays.rotors.body.size
     points, frames = np.empty((m, n, 3)), np.empty((m, n, 3, 3))
     dual, hover = np.empty((m, 6, rotors)), np.empty((m, 6))
-    spine, discs = np.empty((m, 0, 2, 3)), np.empty((m, rotors, 3))
+    rods = arrays.rods
+    spine, discs = np.empty((m, len(rods.bodies), 2, 3)), np.empty((m, rotors, 3))
     hover_postures(
         Mechanism(arrays.tree, arrays.rotors, arrays.gimbals), (arrays.low, arrays.high),
         np.eye(3), indices, np.ascontiguousarray(samples), GRAVITY,
-        (np.empty(0, np.int64), np.empty((0, 2, 3))),
+        (rods.bodies, rods.ends),
         PlacedPostures(dual, points, frames, hover, spine, discs),
     )  # fmt: skip
-    return PlacedDesign(arrays, points, frames, hover)
+    return PlacedDesign(
+        arrays, points, frames, hover, dual, spine, discs, np.asarray(samples), indices
+    )
+
+
+def dual_values(placed: PlacedDesign, kind: str, lost: int = -1) -> Floats:
+    """Returns (m,) exact margins in dual-rotor mode, gimbals held pointed up; -inf: no hover.
+
+    Args:
+        placed: the design.
+        kind: "torque" [N·m] or "attitude_altitude" [1].
+        lost: an apparatus that pushes nothing.
+    """
+    rotors, (force, torque) = placed.arrays.rotors, placed.arrays.scale
+    live = rotors.apparatus != lost
+    found = thrust_margins(
+        placed.dual, np.where(live, rotors.thrust_min, 0.0),
+        np.where(live, rotors.thrust_max, 0.0), placed.hover, force_scale=force,
+        torque_scale=torque,
+    )  # fmt: skip
+    values = np.asarray(getattr(found, kind), float)
+    return np.where(values >= 0.0, values, -np.inf)
 
 
 def certify(

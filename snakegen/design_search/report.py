@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from snakegen.design_search.bound import Bound
-from snakegen.design_search.evaluate import Score, sign
+from snakegen.design_search.evaluate import Score
 from snakegen.design_search.front import FRESH, Design
+from snakegen.design_search.grammar import sign
 from snakegen.design_search.problem import Problem
 from snakegen.design_search.study import Study
 

@@ -14,8 +14,9 @@ from scipy.stats import qmc
 
 from snakegen.base.geometry import Floats
 from snakegen.design_search.ascent import ascent_direction
-from snakegen.design_search.evaluate import Score, sign
+from snakegen.design_search.evaluate import Score
 from snakegen.design_search.executor import OutOfTimeError, Scorer
+from snakegen.design_search.grammar import sign
 from snakegen.design_search.study import StudyError
 
 INFEASIBLE = 1e3  # added to the scalar of a design that violates a constraint

@@ -7,20 +7,11 @@ from pydantic import BeforeValidator, Field, ValidationError
 
 from snakegen.base import yaml_file
 from snakegen.base.bounded_text import what_is_there
-from snakegen.errors import SnakegenError, near
+from snakegen.design_search.grammar import FIGURES, MEASURES, NAMES, unknown
+from snakegen.errors import SnakegenError
 from snakegen.spec.fields import NonNegative, Part, Positive, Real, number
 
 FORMAT = 1
-MARGINS = {
-    f"{kind}_margin{failed}_{how}_{unit}": (kind, bool(failed), how)
-    for kind, unit in (("force", "N"), ("torque", "Nm"))
-    for failed in ("", "_failed")
-    for how in ("quantile", "worst")
-}
-FIGURES = (
-    "mass_kg", "length_m", "thrust_to_weight", "price", "apparatus_gap_m", "joint_effort_Nm",
-    "hover_power_W", "flight_time_min",
-)  # fmt: skip
 
 
 class StudyError(SnakegenError):
@@ -45,13 +36,6 @@ class Variable(Part):
     of: Literal["apparatus", "joint"] = Field("apparatus", description="what a part belongs to")
 
 
-class Bound(Part):
-    """Limits of a figure of a design."""
-
-    min: Real | None = Field(None, description="least value")
-    max: Real | None = Field(None, description="largest value")
-
-
 class Objective(Part):
     """What a design is judged by."""
 
@@ -59,6 +43,25 @@ class Objective(Part):
         0.01, description="share of postures that may be worse"
     )
     over: Literal["range", "motion"] = Field("range", description="which postures")
+
+    @property
+    def option(self) -> list[str]:
+        """Which of quantile and over are given."""
+        return sorted(self.model_fields_set & {"quantile", "over"})
+
+
+class Bound(Objective):
+    """Limits of a figure of a design."""
+
+    min: Real | None = Field(None, description="least value")
+    max: Real | None = Field(None, description="largest value")
+
+
+class Opening(Part):
+    """An upright rectangle that some posture is to pass."""
+
+    width: Positive = Field(description="m")
+    height: Positive = Field(description="m")
 
 
 class Postures(Part):
@@ -78,6 +81,9 @@ class Postures(Part):
         default_factory=list, description="waypoints by joint, rad; joints not named are at 0"
     )
     step: Positive = Field(0.05, description="rad, largest joint motion between instants")
+    holding: NonNegative = Field(
+        1.0, description="N·m, torque margin that a posture must keep for reach and opening"
+    )
 
 
 class Search(Part):
@@ -104,6 +110,7 @@ class Study(Part):
     variables: dict[str, Variable] = Field(description="free fields of the spec")
     constraints: dict[str, Bound] = Field(default_factory=dict, description="by figure")
     objectives: dict[str, Objective | None] = Field(description="by name")
+    opening: Opening | None = Field(None, description="of opening_clearance_m")
     postures: Postures = Field(Postures(), description="over which margins are taken")
     search: Search = Field(Search(), description="how long to search")
 
@@ -145,28 +152,52 @@ def check_study(data: dict[str, Any], label: str) -> Study:
         if variable.range is not None and not variable.range[0] < variable.range[1]:
             raise StudyError(f"{label}: variables.{name}: the range {variable.range} is empty.")
     if not study.objectives:
-        raise StudyError(f"{label}: no objectives; known are {', '.join((*MARGINS, *FIGURES))}.")
-    for section, known in (
-        ("objectives", (*MARGINS, *FIGURES)),
-        ("constraints", (*FIGURES, *MARGINS)),
-    ):
+        raise StudyError(f"{label}: no objectives; known are {', '.join(NAMES)}.")
+    for section in ("objectives", "constraints"):
         for name in getattr(study, section):
-            if name not in known:
-                raise StudyError(f"{label}: {section}.{name} is unknown.{near(name, known)}")
+            if name not in NAMES:
+                raise StudyError(f"{label}: {section}.{name}{unknown(name)}")
+    _check_options(study, label)
+    asked = {*study.objectives, *study.constraints}
+    if "opening_clearance_m" in asked and study.opening is None:
+        raise StudyError(
+            f"{label}: opening_clearance_m needs the opening: "
+            "write 'opening: {width: 0.6, height: 0.5}', m."
+        )
+    priced = "price" in study.objectives or "price" in study.constraints
+    if priced and not any(v.catalogue for v in study.variables.values()):
+        raise StudyError(f"{label}: a price needs a variable with a catalogue.")
+    return study
+
+
+def _check_options(study: Study, label: str) -> None:
+    """Checks limits, and how each figure is taken."""
     for name, bound in study.constraints.items():
+        if bound.min is None and bound.max is None:
+            raise StudyError(f"{label}: constraints.{name}: 'min' or 'max' is needed.")
         if bound.min is not None and bound.max is not None and bound.min > bound.max:
             raise StudyError(
                 f"{label}: constraints.{name}: min {bound.min:g} and max {bound.max:g} contradict "
                 "each other."
             )
-    for name, objective in study.objectives.items():
-        over_motion = objective is not None and objective.over == "motion"
-        if over_motion and len(study.postures.motion) < 2:
-            raise StudyError(f"{label}: objectives.{name}: postures.motion needs two waypoints.")
-    priced = "price" in study.objectives or "price" in study.constraints
-    if priced and not any(v.catalogue for v in study.variables.values()):
-        raise StudyError(f"{label}: a price needs a variable with a catalogue.")
-    return study
+        if bound.option and name in study.objectives:
+            raise StudyError(
+                f"{label}: constraints.{name}: '{bound.option[0]}' is that of the objective of "
+                "this name; leave it out here."
+            )
+    rows = [("objectives", n, o or Objective()) for n, o in study.objectives.items()]
+    rows += [("constraints", n, b) for n, b in study.constraints.items()]
+    for section, name, ask in rows:
+        used = [o for o in ask.option if name in FIGURES or not _uses(name, o)]
+        if used:
+            raise StudyError(f"{label}: {section}.{name}: '{used[0]}' has no meaning for it.")
+        if ask.over == "motion" and len(study.postures.motion) < 2:
+            raise StudyError(f"{label}: {section}.{name}: postures.motion needs two waypoints.")
+
+
+def _uses(name: str, option: str) -> bool:
+    """Tells whether a figure over postures has an option."""
+    return option == "over" or MEASURES[name].how == "quantile"
 
 
 def _explained(error: ValidationError, data: Any) -> str:

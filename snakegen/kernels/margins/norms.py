@@ -125,17 +125,17 @@ def _newton(start, maps, limit, cost, square, x, smooth, f):
 
 
 @jit
-def minimise(start, maps, limit, cost, x, f, square=0.0):
+def minimise(start, maps, limit, cost, x, f, square=0.0, roundest=ROUNDEST, sharpest=SHARPEST):
     """Minimises from x (k,), in place; `f` (B, 3) ends as the balanced forces.
 
-    `square` is q.
+    `square` is q; ε goes from `roundest`, less where x is near the minimum, to `sharpest`.
 
     Returns the ε of the last balanced round, inf where none was: the objective at x and the value
     of the forces differ by at most ``ε Σ L_b``.
     """
     trial, forces = x.copy(), np.empty(f.shape)
-    smooth, reached = ROUNDEST, np.inf
-    while smooth > SHARPEST:
+    smooth, reached = roundest, np.inf
+    while smooth > sharpest:
         if not _newton(start, maps, limit, cost, square, trial, smooth, forces):
             break
         reached = smooth
