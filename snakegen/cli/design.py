@@ -113,6 +113,8 @@ def _print(result: Any, data: dict[str, Any], folder: Path) -> None:
     Console(width=None if sys.stdout.isatty() else 160).print(shown)
     for line in data["trades"]:
         click.echo(line)
+    for line in result.step_lines():
+        click.echo(line)
     for flight in data.get("flights", []):
         agrees = "" if flight["agrees"] else "; DISAGREES with its margin"
         click.echo(f"{flight['design']}, {flight['mission']}: {flight['verdict']}{agrees}")

@@ -29,6 +29,7 @@ from snakegen.design_search.study import Objective
 from snakegen.robot.robot import GRAVITY
 
 SEARCHED, SHOWN = 1e-2, 1e-4  # tolerance of the certified bounds
+SLOW = 1e-3  # of joint-limited ones that are shown
 BY_POSTURE = {
     "joint_torque": joint_torques, "joint_load": joint_loads, "wake_loss": wake_losses,
 }  # fmt: skip
@@ -182,7 +183,7 @@ def by_posture(measure: Measure, placed: PlacedDesign, tolerance: float) -> Floa
         if measure.mode == DUAL:
             return dual_values(placed, kind, lost)
         if measure.mode == JOINT_LIMITED:
-            return joint_limited_values(placed, kind, tolerance, lost)
+            return joint_limited_values(placed, kind, max(tolerance, SLOW), lost)
         return certify(placed, (kind,), tolerance, lost)[kind].values
 
     lost = range(placed.points.shape[1]) if measure.failed else [-1]

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from snakegen.errors import AnalysisError
 from snakegen.sweep.executors import WorkersLostError, end_with_parent, interrupts_blocked
 
 CHUNK = 6  # designs a task
+BLOCK = 8  # designs certified between two looks at the clock
+T = TypeVar("T")
 Progress = Callable[[int], None]
 
 
@@ -147,22 +150,36 @@ class Scorer:
             self._progress(len(self.known))
         return [self.known[key] for key in keys]
 
-    def final(self, rows: Floats) -> list[Score]:
-        """Returns the scores of (m, d) design vectors over the certifying postures."""
-        chunks = [[tuple(float(v) for v in x)] for x in rows]
-        return [s for scores in self._scores(chunks, final=True) for s in scores]
+    def final(self, rows: Floats, deadline: float | None = None) -> list[Score]:
+        """Returns the scores of (m, d) design vectors over the certifying postures.
+
+        Those of the first ones where a `deadline` [`time.monotonic`] ends it, one block at least.
+        """
+        out: list[Score] = []
+        while len(out) < len(rows):
+            if out and deadline is not None and time.monotonic() > deadline:
+                break
+            block = rows[len(out) : len(out) + BLOCK]
+            chunks = [[tuple(float(v) for v in x)] for x in block]
+            out += [s for scores in self._scores(chunks, final=True) for s in scores]
+        return out
+
+    def each(self, work: Callable[..., T], tasks: list[tuple[Any, ...]]) -> list[T]:
+        """Returns ``work(problem, *task)`` of each task, by the workers."""
+        return list(self._run(work, tasks))
 
     def _scores(
         self, chunks: list[list[tuple[float, ...]]], final: bool = False
     ) -> Iterator[list[Score]]:
+        yield from self._run(score_many, [(np.array(chunk), final) for chunk in chunks])
+
+    def _run(self, work: Callable[..., T], tasks: list[tuple[Any, ...]]) -> Iterator[T]:
         if self._pool is None:
-            yield from (score_many(self.problem, np.array(chunk), final) for chunk in chunks)
+            yield from (work(self.problem, *task) for task in tasks)
             return
         try:
             with interrupts_blocked():
-                futures = [
-                    self._pool.submit(score_many, self.problem, np.array(c), final) for c in chunks
-                ]
+                futures = [self._pool.submit(work, self.problem, *task) for task in tasks]
             yield from (future.result() for future in futures)
         except BrokenExecutor:
             raise WorkersLostError(

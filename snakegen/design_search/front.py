@@ -29,6 +29,7 @@ from snakegen.spec.loading import load_spec
 
 SHOWN = 12  # designs of a front at most
 ScoreAll = Callable[[Floats], list[Score]]
+Each = Callable[[Callable[..., "Design"], list[tuple[Any, ...]]], list["Design"]]
 AGREED = 1e-9  # between closed form and templates, relative
 FRESH = 1000  # postures that try a claim
 DOUBT = 1e-3  # chance that a true claim is called false
@@ -77,7 +78,7 @@ class Design:
         }
 
 
-def shown_designs(problem: Problem, found: Found, score_all: ScoreAll) -> list[Design]:
+def shown_designs(problem: Problem, found: Found, score_all: ScoreAll, each: Each) -> list[Design]:
     """Returns the designs of a front, certified and rebuilt, by the first objective, best first.
 
     The designs next to the search's front are certified too: over other postures they may stand
@@ -86,19 +87,20 @@ def shown_designs(problem: Problem, found: Found, score_all: ScoreAll) -> list[D
     Args:
         problem: the study.
         found: by the search.
-        score_all: scores design vectors (m, d) over the certifying postures.
+        score_all: scores design vectors (m, d) over the certifying postures, or the first of them.
+        each: calls a function of the problem and each task.
 
     Raises:
         StudyError: a rebuilt design differs from its closed form by more than 1e-9.
     """
     names = list(problem.study.objectives)
-    rows = list(zip(found.front, score_all(np.array(found.front)), strict=True))
+    rows = list(zip(found.front, score_all(np.array(found.front)), strict=False))
     fit = [(x, s) for x, s in rows if s.feasible] or rows
     best = [row for row in fit if not any(_dominates(other, row[1], names) for _, other in fit)]
     best.sort(key=lambda row: tuple(-sign(n) * row[1].values[n] for n in names))
     pick = np.unique(np.linspace(0, len(best) - 1, SHOWN).round().astype(int))
     best = [best[i] for i in pick]
-    return [_design(problem, x, s, chr(ord("A") + k)) for k, (x, s) in enumerate(best)]
+    return each(_design, [(x, s, chr(ord("A") + k)) for k, (x, s) in enumerate(best)])
 
 
 def _dominates(a: Score, b: Score, names: list[str]) -> bool:

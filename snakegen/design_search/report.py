@@ -12,6 +12,7 @@ from snakegen.design_search.evaluate import Score
 from snakegen.design_search.front import FRESH, Design
 from snakegen.design_search.grammar import sign
 from snakegen.design_search.problem import Problem
+from snakegen.design_search.small_steps import SmallStep
 from snakegen.design_search.study import Study
 
 UNITS = {"Nm": "N·m", "N": "N", "kg": "kg", "m": "m", "W": "W", "min": "min"}
@@ -32,6 +33,7 @@ class StudyResult:
         complete: whether the search ended by itself.
         by_choice: of each variable that is a choice, by its value: the best first objective of
             the designs of the search that meet all constraints, None where none does.
+        steps: what small steps of the chosen design's ranges do.
     """
 
     study: Study
@@ -43,6 +45,7 @@ class StudyResult:
     seconds: float
     complete: bool
     by_choice: dict[str, dict[str, float | None]]
+    steps: tuple[SmallStep, ...] = ()
 
     @property
     def chosen(self) -> Design:
@@ -68,7 +71,22 @@ class StudyResult:
             "best_by_choice": self.by_choice,
             "sentence": self.sentence(),
             "trades": trades(self.study, self.front),
+            "small_steps_of_chosen": [s.to_json() for s in self.steps],
         }
+
+    def step_lines(self) -> list[str]:
+        """Returns in words what small steps of the chosen design do."""
+        out = []
+        for s in self.steps:
+            parts = [
+                f"{words(n)} {'+' if v > 0 else '−'}{figure(n, abs(v))}"
+                for n, v in s.changes.items()
+            ]
+            broken = f" (violates {', '.join(s.broken)})" if s.broken else ""
+            name = s.variable.removeprefix("vectoring_apparatus.").removeprefix("chain.")
+            size = f"{'+' if s.step > 0 else '−'}{abs(s.step):.2g}"
+            out.append(f"{self.chosen.label}, {name} {size}: {', '.join(parts)}{broken}")
+        return out
 
     def sentence(self) -> str:
         """Returns what a designer takes away."""

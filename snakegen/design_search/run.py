@@ -19,6 +19,7 @@ from snakegen.design_search.front_picture import draw_front
 from snakegen.design_search.problem import Problem, prepare
 from snakegen.design_search.report import StudyResult, best_by_choice
 from snakegen.design_search.search import search
+from snakegen.design_search.small_steps import small_steps
 from snakegen.design_search.study import read_study
 from snakegen.spec.loading import load_spec, save
 
@@ -65,7 +66,7 @@ def run_study(
     problem = prepare(study, path.parent)
     seconds = None if minutes is None else 60.0 * minutes
     proving = study.search.bound
-    share = SEARCHING if proving else 0.9
+    share = SEARCHING if proving else 0.7
     deadline = None if seconds is None else begun + share * seconds
     total = study.search.evaluations
     middle = 0.5 * (problem.low + problem.high)
@@ -90,12 +91,16 @@ def run_study(
             if bound.design not in found.front:  # found on the way
                 found = replace(found, front=(bound.design, *found.front))
         tell(f"{study.name}: certifying the front")
-        front = shown_designs(problem, found, scorer.final)
+        limit = None if seconds is None else max(begun + seconds, time.monotonic() + 1.0)
+        front = shown_designs(problem, found, lambda rows: scorer.final(rows, limit), scorer.each)
         given = given_design(problem, path.parent)
         result = StudyResult(
             study, seed, tuple(front), given, bound, found.scored, took, found.complete,
             best_by_choice(problem, scorer.known),
         )  # fmt: skip
+        pick = result.chosen
+        steps = small_steps(problem, pick.x, pick.values, scorer.final)
+        result = replace(result, steps=steps)
         _write(result, scorer, folder)
     return result
 
