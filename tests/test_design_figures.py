@@ -220,6 +220,11 @@ def test_figures_that_are_asked_for_wrongly_are_one_line(data, words):
         ({"vectoring_apparatus.at": [2]}, "apparatus_gap_m", "one apparatus"),
         ({"plant.battery_energy": 0.0}, "flight_time_min", "never empties"),
         ({"chain.links": 1}, "joint_load_worst", "no joints"),
+        (
+            {"vectoring_apparatus.roll_limit": 1.0},
+            "force_margin_joint_limited_worst_N",
+            "gimbals have limits",
+        ),
         ({"chain.links": 1}, "torque_margin_joint_limited_worst_Nm", "no joints"),
     ],
 )

@@ -151,7 +151,11 @@ def test_study_runs_resumes_and_repeats(tmp_path, monkeypatch):
     assert data["front"][0]["torque_margin_quantile_Nm"] > given > 0.0
     for row in data["front"]:
         assert row["rebuilt_relative_error"] <= 1e-9
+        assert row["equivalence_error"] <= 1e-9
         assert snakegen.load(row["spec"]).mass == pytest.approx(8.0, abs=0.01)
+    steps = data["small_steps_of_chosen"]
+    assert {s["variable"] for s in steps} == set(SMALL["variables"])
+    assert any(abs(s["changes"]["torque_margin_quantile_Nm"]) > 1e-4 for s in steps)
     assert load_spec(tmp_path / "a" / "A.spec.yaml").name == "small_dragon4"
     # a kill in the middle of a line: the rest is searched again, to the same front
     lines = (tmp_path / "a/journal.jsonl").read_text().splitlines(keepends=True)
@@ -165,7 +169,10 @@ def test_study_runs_resumes_and_repeats(tmp_path, monkeypatch):
             ((final or scored.append(x)) and None) or evaluate(problem, x, final=final)
         ),
     )
+    damaged = (tmp_path / "b/journal.jsonl").read_text().replace('"x": [0.', '"x": [1.', 1)
+    (tmp_path / "b/journal.jsonl").write_text(damaged)
     again = run.run_study(study, tmp_path / "b", processes=1, resume=True)
+    assert len(scored) > first.scored - len(lines) // 2  # the damaged line too
     assert 0 < len(scored) < first.scored
     assert [d.x for d in again.front] == [d.x for d in first.front]
     with pytest.raises(StudyError, match="another study, seed or version"):

@@ -18,7 +18,7 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.design_search.evaluate import SEARCHED, evaluate, option
-from snakegen.design_search.grammar import MEASURES, VIRTUAL
+from snakegen.design_search.grammar import MEASURES, VIRTUAL, Measure
 from snakegen.design_search.posture_margins import PlacedDesign, certify, place_design
 from snakegen.design_search.problem import Problem
 from snakegen.design_search.study import StudyError
@@ -98,13 +98,8 @@ def prove(
         StudyError: choices, more variables, an objective that is no margin without failures, or
             variables with which mass or thrust points do not move affinely.
     """
-    study, name = problem.study, next(iter(problem.study.objectives))
-    if problem.whole.any() or len(problem.names) > MOST:
-        raise StudyError(f"{study.name}: a proof takes at most {MOST} ranges and no choices.")
-    measure = MEASURES.get(name)
-    if not (measure and measure.margin and measure.mode == VIRTUAL) or measure.failed:
-        raise StudyError(f"{study.name}: '{name}' has no proof; force and torque margins have.")
-    kind, how = measure.quantity, measure.how
+    study, measure = problem.study, provable(problem)
+    name, kind, how = next(iter(study.objectives)), measure.quantity, measure.how
     ask = option(problem, name)
     topology = next(iter(problem.topologies.values()))
     samples = topology.sets[ask.over]
@@ -159,6 +154,24 @@ def prove(
     upper = max(-heap[0][0] if heap else best, best)
     closed = upper - best <= gap * upper
     return Bound(name, best, tuple(float(v) for v in design), upper, boxes, closed)
+
+
+def provable(problem: Problem) -> Measure:
+    """Returns the first objective, of which a bound can be proved.
+
+    Raises:
+        StudyError: choices, more than four variables, or another objective.
+    """
+    study, name = problem.study, next(iter(problem.study.objectives))
+    if problem.whole.any() or len(problem.names) > MOST:
+        raise StudyError(f"{study.name}: a proof takes at most {MOST} ranges and no choices.")
+    measure = MEASURES.get(name)
+    if measure is None or not measure.margin or measure.mode != VIRTUAL or measure.failed:
+        raise StudyError(
+            f"{study.name}: '{name}' has no proof; force and torque margins without losses and "
+            "joint limits have: leave out search.bound."
+        )
+    return measure
 
 
 def _affine(problem: Problem, at: Callable[[Floats], PlacedDesign]) -> _Geometry:

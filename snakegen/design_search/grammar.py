@@ -91,12 +91,13 @@ def unknown(name: str) -> str:
     return f" is unknown.{near(name, NAMES)}"
 
 
-def why_not(name: str, joints: int, resolved: dict[str, Any]) -> str:
+def why_not(name: str, joints: int, free: bool, resolved: dict[str, Any]) -> str:
     """Returns why a figure does not apply to a robot; empty where it does.
 
     Args:
         name: of the figure.
         joints: number of those that shape the body.
+        free: whether its gimbals have no limits and its rotors no least thrust.
         resolved: the robot's resolved spec.
     """
     unit = resolved["vectoring_apparatus"]
@@ -106,6 +107,8 @@ def why_not(name: str, joints: int, resolved: dict[str, Any]) -> str:
     )
     if (bends or name == "joint_effort_Nm") and not joints:
         return "the body has no joints"
+    if measure and measure.mode == JOINT_LIMITED and not free:
+        return "its gimbals have limits or its rotors a least thrust"
     if measure and measure.failed and count < 2:
         return "nothing hovers after the loss of the only apparatus"
     if name == "apparatus_gap_m" and count < 2:

@@ -185,7 +185,9 @@ def prepare(study: Study, folder: Path) -> Problem:
         try:
             topologies[combo] = read_topology(study, robot, fixed)
         except SnakegenError as error:
-            refused = str(error)
+            if len(combos) == 1:
+                raise
+            refused = str(error).removeprefix(f"{study.name}: ")
     if not topologies:
         raise StudyError(f"{study.name}: no topology can be built: {refused}")
     problem = Problem(study, names, low, high, whole, topologies)

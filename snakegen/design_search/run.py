@@ -11,7 +11,7 @@ import numpy as np
 
 from snakegen.base.atomic_io import write_atomically
 from snakegen.base.file_lock import exclusive
-from snakegen.design_search.bound import Bound, prove
+from snakegen.design_search.bound import Bound, provable, prove
 from snakegen.design_search.evaluate import evaluate
 from snakegen.design_search.executor import Scorer, workers
 from snakegen.design_search.front import given_design, shown_designs
@@ -66,6 +66,8 @@ def run_study(
     problem = prepare(study, path.parent)
     seconds = None if minutes is None else 60.0 * minutes
     proving = study.search.bound
+    if proving:
+        provable(problem)
     share = SEARCHING if proving else 0.7
     deadline = None if seconds is None else begun + share * seconds
     total = study.search.evaluations

@@ -56,9 +56,10 @@ def read_topology(study: Study, robot: str, fixed: dict[str, Any]) -> Topology:
         raise StudyError(f"{study.name}: {machine.name} cannot hover; margins need rotors.")
     skeleton = Skeleton.of(machine, resolved)
     joints = skeleton.chain_joints
+    free = bool(skeleton.arrays.shapes.balls.all())
     for name in (*study.objectives, *study.constraints):
         given = "plant.battery_energy" in study.variables and name == "flight_time_min"
-        why = "" if given else why_not(name, len(joints), resolved)
+        why = "" if given else why_not(name, len(joints), free, resolved)
         if why:
             raise StudyError(f"{study.name}: {name} does not apply to {machine.name}: {why}.")
     indices = np.array([skeleton.names.index(n) for n in joints], np.int64)
