@@ -107,7 +107,8 @@ def _print(result: Any, data: dict[str, Any], folder: Path) -> None:
     head, *rows = table(result)
     shown = Table(box=None, pad_edge=False)
     for name in head:
-        shown.add_column(name.replace("vectoring_apparatus.", ""), overflow="fold")
+        short = name.replace("vectoring_apparatus.", "").replace("_", " ")
+        shown.add_column(short, overflow="fold")
     for row in rows:
         shown.add_row(*row)
     Console(width=None if sys.stdout.isatty() else 160).print(shown)

@@ -63,7 +63,8 @@ def _scatter(ax: Any, result: StudyResult, scores: list[Score]) -> None:
                    label="no design passes this (postures of the search)")  # fmt: skip
     ax.set_xlabel(_label(first))
     ax.set_ylabel(_label(second))
-    ax.set_title(f"{result.study.name}: {len(result.front)} designs on the front")
+    count = len(result.front)
+    ax.set_title(f"{result.study.name}: {count} design{'s'[: count != 1]} on the front")
     ax.legend(fontsize=8, loc="best")
 
 

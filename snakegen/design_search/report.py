@@ -15,6 +15,7 @@ from snakegen.design_search.problem import Problem
 from snakegen.design_search.small_steps import SmallStep
 from snakegen.design_search.study import Study
 
+UNMOVED = 1e-6  # share of a figure below which a small step has not moved it
 UNITS = {"Nm": "N·m", "N": "N", "kg": "kg", "m": "m", "W": "W", "min": "min"}
 
 
@@ -81,11 +82,14 @@ class StudyResult:
             parts = [
                 f"{words(n)} {'+' if v > 0 else '−'}{figure(n, abs(v))}"
                 for n, v in s.changes.items()
+                if abs(v) > UNMOVED * abs(self.chosen.values[n])
             ]
             broken = f" (violates {', '.join(s.broken)})" if s.broken else ""
             name = s.variable.removeprefix("vectoring_apparatus.").removeprefix("chain.")
             size = f"{'+' if s.step > 0 else '−'}{abs(s.step):.2g}"
-            out.append(f"{self.chosen.label}, {name} {size}: {', '.join(parts)}{broken}")
+            out.append(
+                f"{self.chosen.label}, {name} {size}: {', '.join(parts) or 'no change'}{broken}"
+            )
         return out
 
     def sentence(self) -> str:

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from typing import Any
 
 UNITS = {"force": "N", "torque": "N·m"}  # the others are scaled
+WORDS = {"wrench": "6-D margin", "attitude_altitude": "lift and torque"}
+LEAST = 1e-9  # of a margin, below which a change does nothing to it
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,8 @@ class DesignSteps:
                 text, value = text.replace("longer", "shorter"), -value
             rows.append((value, text))
         value, text = max(rows, default=(0.0, ""))
-        return (text, value) if value > 0.0 else None
+        least = LEAST * max(abs(self.margins.get(kind, 0.0)), 1.0)
+        return (text, value) if value > least else None
 
     def to_json(self) -> dict[str, Any]:
         """Returns plain data for a program."""
@@ -87,12 +90,19 @@ class DesignSteps:
         for kind in self.margins:
             found, push = self.best(kind), self.best(kind, thrust=True)
             parts = [f"{c}: {_signed(kind, v)}" for c, v in (r for r in (found, push) if r)]
-            out.append((f"  best for {kind}", "; or ".join(parts) or "nothing of the above"))
-        out += [(f"  {kind} has a kink", text) for kind, text in self.kinks.items()]
+            out.append(
+                (
+                    f"  best for {WORDS.get(kind, kind)}",
+                    "; or ".join(parts) or "nothing of the above",
+                )
+            )
+        out += [
+            (f"  {WORDS.get(kind, kind)} has a kink", text) for kind, text in self.kinks.items()
+        ]
         return out
 
 
 def _signed(kind: str, value: float) -> str:
-    value = 0.0 if abs(value) < 1e-9 else value
+    value, kind, unit = 0.0 if abs(value) < LEAST else value, WORDS.get(kind, kind), UNITS.get(kind)
     sign = "+" if value >= 0.0 else "−"
-    return f"{kind} {sign}{abs(value):.3g} {UNITS.get(kind, '')}".rstrip()
+    return f"{kind} {sign}{abs(value):.3g} {unit or ''}".rstrip()
