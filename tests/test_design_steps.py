@@ -10,6 +10,9 @@ from snakegen.errors import SnakegenError
 from snakegen.sensitivity.design_steps import design_steps
 from snakegen.sensitivity.margin_gradient import margin_gradients
 from snakegen.spec.loading import load_spec
+from snakegen.wrench_margins.force_sets import ForceSets
+from snakegen.wrench_margins.gradients import vectored_optima
+from snakegen.wrench_margins.vectored import set_margins
 
 POSTURE = {"joint1_yaw": 0.8, "joint2_yaw": 0.7, "joint3_pitch": 0.5, "joint3_yaw": -0.4}
 STEP = 1e-4  # of the change that is told
@@ -66,8 +69,42 @@ def test_best_turns_a_harmful_change_round():
         text, gain = steps.best(kind) or ("", 0.0)
         rows = [s for s in steps.steps if not s.thrust]
         assert gain == max(abs(s.effect[kind]) if s.about_zero else s.effect[kind] for s in rows)
-        if "root" in text or "shorter" in text:
+        if "root" in text or "shorter" in text or "less" in text:
             assert min(s.effect[kind] for s in rows) == -gain
+        else:
+            assert max(s.effect[kind] for s in rows) == gain
+
+
+def tilting_arms(along: float = 0.0) -> ForceSets:
+    """Four arms of one tilt axis each, alike but that the first may be moved outward."""
+    turn = [np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))]  # fmt: skip
+    points = [0.25 * r[:, 0] for r in turn]
+    points[0] = points[0] + [along, 0.0, 0.0]
+    whole, still = np.array([-np.pi, np.pi]), np.zeros(2)
+    return ForceSets.checked(points, turn, 0.0, 10.0, whole, still)
+
+
+@pytest.mark.parametrize("kind", ["force", "torque"])
+def test_symmetric_discs_have_all_their_ties(kind):
+    """A body of four equal arms is as weak in four directions; one-sided slopes are the least."""
+
+    def margin(along):
+        return set_margins(
+            tilting_arms(along), [0.0, 0.0, 18.6, 0.0, 0.0, 0.0], force_scale=18.6,
+            torque_scale=5.0, wrench_starts=0,
+        )  # fmt: skip
+
+    pieces = vectored_optima(margin(0.0), kind)
+    assert len(pieces) == 4
+    slopes = [float(p.by_points[0, 0]) for p in pieces]
+    h = 1e-6
+    value = vectored_optima(margin(0.0), kind)[0].value
+    up = (vectored_optima(margin(h), kind)[0].value - value) / h
+    down = (vectored_optima(margin(-h), kind)[0].value - value) / h
+    assert up == pytest.approx(min(slopes), abs=1e-3)
+    assert down == pytest.approx(min(-s for s in slopes), abs=1e-3)
+    assert kind == "force" or max(slopes) - min(slopes) > 1.0
 
 
 def test_straight_dual_rotor_body_has_attitude_altitude_alone():

@@ -13,7 +13,8 @@ def design_steps(robot: Robot, q: Floats, mode: str = VIRTUAL) -> DesignSteps:
     """Returns what small changes do to the margins at q, gimbals held at its angles.
 
     Moved apparatuses carry their masses along, longer links what is beyond them; masses and
-    inertias stay as they are. Left out are margins that are 0 for lack of a direction, and, where
+    inertias stay as they are. Where directions tie, an effect is the least of theirs: the margin's
+    own one-sided slope. Left out are margins that are 0 for lack of a direction, and, where
     hover is out of reach, force and torque.
 
     Raises:
@@ -29,27 +30,35 @@ def design_steps(robot: Robot, q: Floats, mode: str = VIRTUAL) -> DesignSteps:
         raise AnalysisError(
             f"{robot.name}: all margins are 0 at this posture for lack of a direction; bend it."
         )
-    tables = [_changes(g) for g in found.values()]
+    tables = {
+        kind: [_changes(g, piece) for piece in range(len(g.pieces))] for kind, g in found.items()
+    }
     steps = []
-    for k, (change, _, either) in enumerate(tables[0]):
-        effect = {kind: rows[k][1] for kind, rows in zip(found, tables, strict=True)}
-        steps.append(DesignStep(change, effect, either, change.startswith("1 N more")))
+    for k, (change, _, either) in enumerate(next(iter(tables.values()))[0]):
+        effect = {kind: min(t[k][1] for t in rows) for kind, rows in tables.items()}
+        back = {kind: min(-t[k][1] for t in rows) for kind, rows in tables.items()}
+        more = change.startswith("1 N more")
+        steps.append(DesignStep(change, effect, either, more, back if either else {}))
     kinks = {kind: g.kink for kind, g in found.items() if g.kink}
+    for kind, g in found.items():
+        if len(g.pieces) > 1:
+            kinks[kind] = f"{len(g.pieces)} directions tie: an effect is the least of theirs"
     return DesignSteps(mode, {kind: g.value for kind, g in found.items()}, tuple(steps), kinks)
 
 
-def _changes(g: MarginGradient) -> list[tuple[str, float, bool]]:
-    """Returns each change, its effect on one margin, and whether it goes either way."""
+def _changes(g: MarginGradient, piece: int) -> list[tuple[str, float, bool]]:
+    """Returns each change, its effect on a piece of a margin, and whether it goes either way."""
     robot, out = g.robot, list[tuple[str, float, bool]]()
     tree, gimbals, n = robot.tree, robot.gimbals, robot.tree.mass.size
-    by = g.tree().translation
-    masses, limits = g.by("masses"), g.by("thrust_limits")
+    by = g.tree(piece).translation
+    masses, limits = g.by("masses", piece), g.by("thrust_limits", piece)
+    place = "towards the tip" if robot.chain_joints else "along the body's +x"
     for j in range(gimbals.limit.size):
         gimbal = [b for b in (gimbals.roll_body[j], gimbals.pitch_body[j]) if b >= 0]
         if gimbal:
             first, along = min(gimbal), gimbals.link_rotation[j, :, 0]
             effect = float(by[first] @ along) * CENTIMETRE
-            out.append((f"1 cm of apparatus {j + 1} towards the tip", effect, True))
+            out.append((f"1 cm of apparatus {j + 1} {place}", effect, True))
     for name in robot.modules.lengths:
         body, rotation, origin = robot.body_of_link(name)
         beyond = [
@@ -61,13 +70,14 @@ def _changes(g: MarginGradient) -> list[tuple[str, float, bool]]:
         if beyond:
             effect = float(sum(by[b] @ rotation[:, 0] for b in beyond)) * CENTIMETRE
             effect += (
-                g.pieces[0].by_scale[1] * robot.force_scale / len(robot.modules.lengths) / 100.0
+                g.pieces[piece].by_scale[1] * robot.force_scale / len(robot.modules.lengths) / 100.0
             )
             out.append((f"1 cm longer {name}", effect, True))
     for name, length in robot.modules.lengths.items():
         body, rotation, origin = robot.body_of_link(name)
         middle = origin + rotation[:, 0] * 0.5 * length
-        out.append((f"10 g more at the middle of {name}", _mass(g, masses, body, middle), True))
+        effect = _mass(g, piece, masses, body, middle)
+        out.append((f"10 g more at the middle of {name}", effect, True))
     owner = robot.rotors.apparatus
     for j in range(gimbals.limit.size):
         mine = limits[owner == j].sum() if len(limits) == len(owner) else None
@@ -79,9 +89,9 @@ def _changes(g: MarginGradient) -> list[tuple[str, float, bool]]:
     return out
 
 
-def _mass(g: MarginGradient, masses: Floats, body: int, place: Floats) -> float:
+def _mass(g: MarginGradient, piece: int, masses: Floats, body: int, place: Floats) -> float:
     """Returns the effect of 10 g at a place of a body: its weight, and the CoG's motion."""
     tree, poses = g.robot.tree, g.poses
-    total = g.pieces[0].by_points.sum(axis=0)
+    total = g.pieces[piece].by_points.sum(axis=0)
     step = poses.rotation[body] @ (place - tree.com[body])  # from where `masses` puts it
     return float(masses[body] - total @ step / poses.mass) * TEN_GRAMS

@@ -1,6 +1,6 @@
 """What small changes of a design do to margins at one posture, as plain data and in words."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 UNITS = {"force": "N", "torque": "N·m"}  # the others are scaled
@@ -16,13 +16,16 @@ class DesignStep:
         change: in words, as in "1 cm of apparatus 2 towards the tip".
         effect: by margin: N, N·m, the others scaled.
         about_zero: change that may be made either way.
-        thrust: more thrust, which always helps.
+        thrust: more thrust.
+        back: by margin, the effect of the opposite change, where it may be made; other than
+            ``-effect`` where directions tie.
     """
 
     change: str
     effect: dict[str, float]
     about_zero: bool = False
     thrust: bool = False
+    back: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -52,12 +55,12 @@ class DesignSteps:
         for s in self.steps:
             if s.thrust != thrust:
                 continue
-            value = s.effect.get(kind, 0.0)
-            text = s.change
-            if s.about_zero and value < 0.0:
+            rows.append((s.effect.get(kind, 0.0), s.change))
+            if s.about_zero:
                 text = s.change.replace("towards the tip", "towards the root")
-                text, value = text.replace("longer", "shorter"), -value
-            rows.append((value, text))
+                text = text.replace("longer", "shorter").replace("body's +x", "body's −x")
+                text = text.replace("10 g more", "10 g less")
+                rows.append((s.back.get(kind, 0.0), text))
         value, text = max(rows, default=(0.0, ""))
         least = LEAST * max(abs(self.margins.get(kind, 0.0)), 1.0)
         return (text, value) if value > least else None
@@ -67,7 +70,10 @@ class DesignSteps:
         return {
             "mode": self.mode,
             "margins": self.margins,
-            "steps": [{"change": s.change, "effect": s.effect} for s in self.steps],
+            "steps": [
+                {"change": s.change, "effect": s.effect, "opposite_effect": s.back}
+                for s in self.steps
+            ],
             "kinks": self.kinks,
             "best": {
                 kind: None if found is None else {"change": found[0], "effect": found[1]}

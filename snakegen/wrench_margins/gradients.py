@@ -16,20 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.errors import AnalysisError
-from snakegen.kernels.margins.inner_radius import radius, work_space
 from snakegen.wrench_margins.saddle_point import ROUNDED, Saddle, force_jacobians, saddle_point
 from snakegen.wrench_margins.set_optima import angles_of, set_saddle
-from snakegen.wrench_margins.vectored import STARTS, set_margins
+from snakegen.wrench_margins.tie_search import other_starts
+from snakegen.wrench_margins.vectored import set_margins
 from snakegen.wrench_margins.vectored_result import VectoredMargins
-from snakegen.wrench_margins.wrench_search import fall, start_directions
 
 Floats = NDArray[np.float64]
 KINDS = ("wrench", "force", "torque", "attitude_altitude")
 TIE = 1e-9  # relative: values this near are one value, and its directions pieces of a kink
 FINE = 1e-6  # tolerance of the search, where the first one's twist leads astray
-NEARLY = 1.02  # of the least support: a direction from which Newton's method may find a tie
-APART = 0.2  # directions nearer than this lead to one optimum
-SCATTERED = 24  # starts for other directions
 LOOSE = 1e-6  # share of an upper bound by which an optimum may pass the bounds
 UNIT = {
     "wrench": np.ones(6),
@@ -125,7 +121,7 @@ def vectored_optima(m: VectoredMargins, kind: str, others: bool = True) -> tuple
     problem = (placed, spans, m.sets.low / scale[0], m.sets.high / scale[0], m.hover_wrench / scale)
     starts = [m.twists[at]]
     if m.bounds[at, 1] > 0.0 and (others or not m.hull):
-        starts += _other_starts(m, kind, problem)
+        starts += other_starts(m, kind, UNIT[kind], problem)
     size = (1.0, scale[0], scale[3])[at]
     limit = m.bounds[at, 1] / size
     if m.hull:
@@ -216,48 +212,6 @@ def _vectored(m: VectoredMargins, kind: str, s: Saddle, size: float) -> Optimum:
         kind, s.value * size, twist, sets.points, forces * m.scale[0], sets.drag, by_high, by_low,
         turning, m.hover_wrench, m.scale,
     )  # fmt: skip
-
-
-def _other_starts(m: VectoredMargins, kind: str, problem: tuple[Floats, ...]) -> list[Floats]:
-    """Returns twists (6,) near every other direction that may tie with the known one.
-
-    A certified search cannot close before it has asked for the support near each of them: those
-    are the directions it asked for whose support is nearly the least. Of wrench margins and of
-    balls the falls of `wrench_search` are taken, of other sets scattered twists.
-    """
-    twist, unit = m.twists[KINDS.index(kind)], UNIT[kind]
-    if not m.sets.balls.all():
-        scattered = np.random.default_rng(0).standard_normal((SCATTERED, 6))
-        scattered /= np.sqrt((scattered**2 * unit).sum(axis=1, keepdims=True))
-        return list(np.where(unit > 0.0, scattered, twist / np.sqrt(twist**2 @ unit)))
-    placed, _, _, limit, hover = problem
-    if kind == "wrench":
-        return _falls(m, placed, limit, hover)
-    work, torque = work_space(), kind == "torque"
-    _, above, used = radius(torque, placed, limit, hover, np.eye(3), 1e-3, work, np.empty(6))
-    order = [work[2], work[1]] if torque else [work[1], work[2]]
-    twists = np.hstack([x[:used] for x in order])
-    speed = np.einsum("jck,ik->ijc", force_jacobians(placed), twists)
-    support = np.linalg.norm(speed, axis=2) @ limit - twists @ hover
-    out: list[Floats] = []
-    for i in np.argsort(support):
-        if support[i] > above * NEARLY:
-            break
-        if all(np.abs((twists[i] - d) * unit).max() > APART for d in out):
-            out.append(twists[i])
-    return out
-
-
-def _falls(m: VectoredMargins, p: Floats, limit: Floats, hover: Floats) -> list[Floats]:
-    """Returns where falls of the wrench bound end, the deepest ones."""
-    ends: list[tuple[float, Floats]] = []
-    for start in start_directions(STARTS, m.twists):
-        bounds, twists = np.full((3, 2), np.inf), np.empty((3, 6))
-        fall(start, p, limit, hover, bounds, twists)
-        if all(np.abs(twists[0] - d).max() > 0.1 * APART for _, d in ends):
-            ends.append((float(bounds[0, 1]), twists[0]))
-    least = min((value for value, _ in ends), default=0.0)
-    return [d for value, d in ends if value <= least * NEARLY]
 
 
 def _distinct(found: list[Saddle]) -> list[Saddle]:
