@@ -12,6 +12,7 @@ import snakegen
 from snakegen.analysis import wake
 from snakegen.design_search.body_arrays import BodyArrays
 from snakegen.design_search.evaluate import aggregate, best_posture, by_posture, evaluate, score
+from snakegen.design_search.front import spread_out
 from snakegen.design_search.grammar import MEASURES, NAMES, sign
 from snakegen.design_search.joint_limited import hover_joint_torques, joint_limited_values
 from snakegen.design_search.posture_figures import body_reach, opening_clearance, wake_losses
@@ -186,6 +187,17 @@ def test_quantiles_of_small_figures_count_from_the_top():
     assert aggregate(MEASURES["joint_load_worst"], values, 0.5) == 100.0
     assert sign("joint_load_worst") == sign("mass_kg") == -1.0
     assert sign("reach_m") == sign("opening_clearance_m") == 1.0
+
+
+def test_shown_designs_are_spread_over_the_front():
+    """A crowd at one end does not take the places of the other designs."""
+    t = np.r_[np.linspace(0.0, 0.05, 30), np.linspace(0.1, 1.0, 10)]
+    rows = np.column_stack([np.cos(t * np.pi / 2), np.sin(t * np.pi / 2)])
+    kept = spread_out(rows, 8)
+    assert kept == sorted(kept) and len(kept) == 8 and {0, 39} <= set(kept)
+    assert sum(k < 30 for k in kept) <= 2
+    assert np.diff(t[kept]).max() < 0.25
+    assert spread_out(rows[:3], 12) == [0, 1, 2] and spread_out(rows[:1], 12) == [0]
 
 
 def changed(**parts: Any) -> dict[str, Any]:

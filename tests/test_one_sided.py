@@ -7,8 +7,8 @@ from scipy.optimize import linprog
 import snakegen
 from snakegen.analysis import actuation
 from snakegen.analysis.allocation import allocation
+from snakegen.control.one_sided import one_sided_loss
 from snakegen.spec.loading import load_spec
-from snakegen.wrench_margins.one_sided import one_sided_loss
 
 ARC = {"joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw": 1.0}
 

@@ -9,9 +9,9 @@ from snakegen.analysis.allocation import Allocation, allocation
 from snakegen.base.describe_motion import motions
 from snakegen.base.geometry import Floats
 from snakegen.control.lost_motion import dual_loss
+from snakegen.control.one_sided import one_sided_loss
 from snakegen.robot.kinematics import forward
 from snakegen.robot.robot import Robot
-from snakegen.wrench_margins.one_sided import one_sided_loss
 
 COMMAND = "actuation"
 ORDER = 20

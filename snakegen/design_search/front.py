@@ -94,13 +94,30 @@ def shown_designs(problem: Problem, found: Found, score_all: ScoreAll, each: Eac
         StudyError: a rebuilt design differs from its closed form by more than 1e-9.
     """
     names = list(problem.study.objectives)
-    rows = list(zip(found.front, score_all(np.array(found.front)), strict=False))
-    fit = [(x, s) for x, s in rows if s.feasible] or rows
+    found_rows = list(zip(found.front, score_all(np.array(found.front)), strict=False))
+    fit = [(x, s) for x, s in found_rows if s.feasible] or found_rows
     best = [row for row in fit if not any(_dominates(other, row[1], names) for _, other in fit)]
     best.sort(key=lambda row: tuple(-sign(n) * row[1].values[n] for n in names))
-    pick = np.unique(np.linspace(0, len(best) - 1, SHOWN).round().astype(int))
-    best = [best[i] for i in pick]
+    rows = np.array([[s.values[n] for n in names] for _, s in best])
+    best = [best[i] for i in spread_out(rows, SHOWN)]
     return each(_design, [(x, s, chr(ord("A") + k)) for k, (x, s) in enumerate(best)])
+
+
+def spread_out(rows: Floats, count: int) -> list[int]:
+    """Returns which of the rows (m, k) to show: the best of each column, then the farthest apart.
+
+    In the order of the rows; distances are shares of the columns' spans.
+    """
+    span = np.ptp(rows, axis=0)
+    scaled = rows / np.where(span > 0.0, span, 1.0)
+    kept = sorted({*np.argmax(rows, axis=0).tolist(), *np.argmin(rows, axis=0).tolist()})
+    far = np.linalg.norm(scaled[:, None] - scaled[kept], axis=2).min(axis=1)
+    while len(kept) < min(count, len(rows)):
+        k = int(np.argmax(far))
+        kept.append(k)
+        far = np.minimum(far, np.linalg.norm(scaled - scaled[k], axis=1))
+        far[kept] = -1.0
+    return sorted(kept[:count])
 
 
 def _dominates(a: Score, b: Score, names: list[str]) -> bool:

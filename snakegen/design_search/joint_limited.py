@@ -10,8 +10,8 @@ from snakegen.base.geometry import Floats
 from snakegen.design_search.posture_margins import PlacedDesign, certify
 from snakegen.errors import AnalysisError
 from snakegen.kernels.core.types import Mechanism
+from snakegen.kernels.dynamics.posture_loads import load_postures
 from snakegen.kernels.margins import joint_limited_slice
-from snakegen.kernels.margins.posture_loads import load_postures
 from snakegen.robot.robot import GRAVITY
 
 RANK = 1e-9  # of the largest singular value

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from snakegen.kernels.margins.piece_support import piece_support
+from snakegen.kernels.margins.force_sets import piece_support
 from snakegen.wrench_margins import inputs
 from snakegen.wrench_margins.force_sets import ForceSets
 from snakegen.wrench_margins.inner_ball import inner_ball

@@ -187,3 +187,12 @@ def slack(twist, sets, hover):
     for c in range(6):
         total -= twist[c] * hover[c]
     return total
+
+
+@jit
+def piece_support(j, d, sets, f):
+    """Writes the force (3,) of piece j that lies farthest along d, CoG axes; their product.
+
+    `piece_farthest` for callers from Python.
+    """
+    return piece_farthest(j, d, sets, f)
