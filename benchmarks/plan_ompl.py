@@ -17,7 +17,8 @@ from ompl import base, geometric, util
 
 from snakegen.planning.body import PlannedBody
 from snakegen.planning.certificate import certify
-from snakegen.planning.motion_search import Motion, enough, expected, in_time, search
+from snakegen.planning.motion import Motion, enough, expected, in_time
+from snakegen.planning.motion_search import search
 from snakegen.robot.robot import load
 from snakegen.scene.schema import Demands, read_scene
 from snakegen.spec.loading import templates_folder

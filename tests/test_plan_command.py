@@ -52,7 +52,8 @@ def test_what_cannot_be_is_refused_with_the_reason(
     run, tmp_path: Path, robot: str, options: dict[str, object], message: str
 ) -> None:
     out = tmp_path / "plan.yaml"
-    result = run("plan", robot, scene(tmp_path, **options), "-o", str(out))  # type: ignore[arg-type]
+    place = scene(tmp_path, **options)  # type: ignore[arg-type]
+    result = run("plan", robot, place, "-o", str(out), "--minutes", "0.02")
     assert result.code == 1
     lines = [x for x in result.err.splitlines() if x.startswith("Error:")]
     assert len(lines) == 1 and any(m in lines[0] for m in message.split("|")), result.err

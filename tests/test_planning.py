@@ -348,7 +348,7 @@ def test_an_interrupted_search_keeps_what_it_has(
     """Ctrl-C at the third seed: the two before are kept if one will do, else nothing is."""
     from types import SimpleNamespace
 
-    from snakegen.planning import motion_search
+    from snakegen.planning import seed_choice
     from snakegen.planning.seeds import Family
 
     looked: list[float] = []
@@ -360,17 +360,17 @@ def test_an_interrupted_search_keeps_what_it_has(
         worth = len(looked) if good else -11.0
         return SimpleNamespace(miss=0.0, clearance=0.1, torque=1.0, worth=lambda _: worth)
 
-    monkeypatch.setattr(motion_search, "judge", judge)
+    monkeypatch.setattr(seed_choice, "judge", judge)
     family = [SimpleNamespace(family=Family(True, 0.4, 0.0, 0.0))] * 5
     words: list[str] = []
     begin = [family, family]
     if good:
-        found = motion_search.look(begin, Demands(), np.inf, words.append)  # type: ignore[arg-type]
+        found = seed_choice.look(begin, Demands(), np.inf, words.append)  # type: ignore[arg-type]
         assert [worth for worth, _, _ in found] == [2, 1]
         assert words[-1].startswith("interrupted")
     else:
         with pytest.raises(KeyboardInterrupt):
-            motion_search.look(begin, Demands(), np.inf, words.append)  # type: ignore[arg-type]
+            seed_choice.look(begin, Demands(), np.inf, words.append)  # type: ignore[arg-type]
 
 
 def test_waves_swing_to_both_sides_and_fade() -> None:

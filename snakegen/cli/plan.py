@@ -28,7 +28,11 @@ _UNITS = {"clearance": "m", "self_clearance": "m", "force_margin": "N", "torque_
     help="Taken for scripts; the search draws nothing at random.",
 )  # fmt: skip
 @click.option(
-    "--minutes", type=float, default=2.0, show_default=True, help="After which the search ends."
+    "--minutes",
+    type=float,
+    default=2.0,
+    show_default=True,
+    help="After which the search ends; without a way as many again go into sizes that would do.",
 )
 @click.option(
     "--picture", metavar="FILE.png", type=click.Path(), help="Draw the motion at eight instants."
@@ -89,7 +93,8 @@ def plan(
     robot = source.machine()
     place = read_scene(path)
     check_writable(target)
-    motion = search(robot, place, minutes=minutes, seed=seed, progress=None if as_json else note)
+    said = None if as_json else note
+    motion = search(robot, place, minutes=minutes, seed=seed, progress=said, advise=True)
     unmet = motion.unmet(place.demands)
     if not unmet:
         motion.file(place).write(target)
@@ -100,6 +105,7 @@ def plan(
         "scene": place.name,
         "certified": not unmet,
         "unmet": unmet,
+        "would_do": motion.advice or None,
         "plan": None if unmet else str(target),
         "duration_s": float(motion.path.times[-1]),
         "waypoints": len(motion.path.times),
@@ -144,7 +150,8 @@ def _print(result: dict[str, Any], motion: Any) -> None:
             f"fly it: snakegen analyze flight {result['robot']} --mission {result['plan']}"
         )
     else:
-        click.echo(f"not certified: {'; '.join(result['unmet'])}; nothing was written")
+        reasons = [*result["unmet"], *([motion.advice] if motion.advice else [])]
+        click.echo(f"not certified: {'; '.join(reasons)}; nothing was written")
 
 
 def _shipped() -> dict[str, Path]:

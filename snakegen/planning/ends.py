@@ -10,7 +10,7 @@ from snakegen.errors import PlanError, near
 from snakegen.planning.body import PlannedBody
 from snakegen.planning.follow import Chain, pose_of
 from snakegen.robot.posture import bent
-from snakegen.scene.schema import Demands, Place
+from snakegen.scene.schema import Demands, Place, Scene
 
 HEADINGS = 8
 
@@ -116,3 +116,22 @@ def check_end(body: PlannedBody, end: End, name: str, demands: Demands) -> str:
             f"{demands.force_margin:g} N and {demands.torque_margin:g} N·m"
         )
     return ""
+
+
+def check_places(body: PlannedBody, scene: Scene) -> None:
+    """Refuses a start or goal that cannot be held: a free one in no attitude that it may have.
+
+    Raises:
+        PlanError: which, and by how much.
+    """
+    for name in ("start", "goal"):
+        place: Place | None = getattr(scene, name)
+        if place is None:
+            raise PlanError(f"{scene.name}: '{name}' is missing: a plan needs start and goal.")
+        reasons: list[str] = []
+        for end in ends_of(body, place):
+            reasons.append(check_end(body, end, name, scene.demands))
+            if not reasons[-1]:
+                break
+        else:
+            raise PlanError(f"{scene.name}: {reasons[0]}.")

@@ -1,5 +1,6 @@
 """A way for a point through a scene: Dijkstra's on a grid, where room is worth a detour."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -7,6 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from snakegen.base.geometry import Floats
+from snakegen.errors import PlanError
 from snakegen.scene.schema import Scene
 from snakegen.scene.solids import Solid
 
@@ -14,6 +16,44 @@ ROOM = 0.35  # m, of clearance: more is worth nothing
 _GRID = 0.08  # m
 _AROUND = 1.2  # m, beyond start, goal and openings
 _MOST = 150_000  # nodes; the grid grows coarser above
+_LEAST = 0.02  # m, clearance of the point
+
+
+class BlockedWay(PlanError):
+    """No way even for a point.
+
+    Attributes:
+        names: of the obstacles each of which blocks it alone.
+    """
+
+    def __init__(self, message: str, names: tuple[str, ...]) -> None:
+        """Keeps the names."""
+        super().__init__(message)
+        self.names = names
+
+
+def way_through(scene: Scene) -> tuple[Floats, list[Floats]]:
+    """Returns a way for a point from start to goal, and the openings' lines on it.
+
+    Raises:
+        BlockedWay: what blocks the way.
+    """
+    if scene.start is None or scene.goal is None:
+        raise PlanError(f"{scene.name}: a plan needs start and goal.")
+    way = guide(scene, scene.start.cog, scene.goal.cog, _LEAST)
+    if way is not None:
+        return way, openings_on(scene, way)
+    solid = (s for s in scene.solids if s.kind != "half_space")
+    blocking = []
+    for name in sorted({s.name.partition(".")[0] for s in solid}):
+        left = tuple(s for s in scene.solids if s.name.partition(".")[0] != name)
+        without = replace(scene, solids=left)
+        if guide(without, scene.start.cog, scene.goal.cog, _LEAST) is not None:
+            blocking.append(name)
+    what = f"{', '.join(blocking)} blocks it" if blocking else "several obstacles block it"
+    raise BlockedWay(
+        f"{scene.name}: no way from start to goal, even for a single rod: {what}.", tuple(blocking)
+    )
 
 
 def distances(solids: tuple[Solid, ...], points: Floats) -> Floats:

@@ -31,6 +31,7 @@ class Shapes:
         pairs: (p, 2) shapes; those with obstacles come first.
         outer: number of pairs with obstacles.
         links: (joint, (start, end)) of each rod of the chain, m, joint frame.
+        widest: m, greatest radius that gimbals sweep about a link.
     """
 
     geometry: Any
@@ -42,6 +43,7 @@ class Shapes:
     pairs: Any
     outer: int
     links: tuple[tuple[int, tuple[Floats, Floats]], ...]
+    widest: float
 
 
 def shapes_of(robot: Robot, solids: tuple[Solid, ...]) -> Shapes:
@@ -75,8 +77,10 @@ def shapes_of(robot: Robot, solids: tuple[Solid, ...]) -> Shapes:
         labels.append(robot.model.frames[item.parentFrame].name)
         joints.append(joint)
         balls.append(_ball(points))
+    widest = 0.0
     for j, parts in sorted(carried.items()):
         link, place, radius, half = _swept(robot, j, parts)
+        widest = max(widest, radius)
         name = f"vectoring apparatus {j + 1}"
         shape = coal.Cylinder(radius, 2.0 * half)
         geometry.addGeometryObject(pin.GeometryObject(name, link, place, shape))
@@ -107,6 +111,7 @@ def shapes_of(robot: Robot, solids: tuple[Solid, ...]) -> Shapes:
         np.array(pairs + own, int).reshape(-1, 2),
         outer,
         _rods(robot),
+        widest,
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.picture.strobe import Instant, draw_strobe
-from snakegen.planning.motion_search import Motion
+from snakegen.planning.motion import Motion
 from snakegen.scene.schema import Scene
 
 
