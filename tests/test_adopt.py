@@ -162,7 +162,7 @@ def test_a_robot_without_rotors_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text, words", [
     ("<mujoco/>", "is an MJCF"), ("<!-- <robot> --><mujoco/>", "is an MJCF"),
-    ("hello", "not well-formed"), ("", "not well-formed"), ("<sdf/>", "root element is <sdf>"),
+    ("hello", "does not begin with '<'"), ("", "is empty"), ("<sdf/>", "root element is <sdf>"),
     ("<robot name='r'><link name='a'/><link name='b'/></robot>", "second root"),
 ])  # fmt: skip
 def test_what_is_no_urdf_is_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:

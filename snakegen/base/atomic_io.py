@@ -3,10 +3,7 @@
 import errno
 import glob
 import os
-import secrets
-import shutil
 import signal
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -14,8 +11,6 @@ from threading import Event, Timer, get_ident
 from types import FrameType
 
 from snakegen.base.bounded_text import refuse_special
-from snakegen.base.file_lock import exclusive
-from snakegen.base.folder_swap import exchange_folder, move_files, must_stay
 from snakegen.errors import SnakegenError
 
 INTERRUPTED = Event()
@@ -44,6 +39,8 @@ def send_again(signum: int = signal.SIGINT) -> None:
 
 
 def _reason(error: OSError) -> str:
+    import shutil
+
     if isinstance(error, shutil.Error) and error.args and isinstance(error.args[0], list):
         first = str(error.args[0][0][-1])  # of many files, each with where from, where to and why
         return first.split("] ", 1)[-1].split(": '", 1)[0]
@@ -93,6 +90,8 @@ def check_writable(path: Path) -> None:
     Raises:
         SnakegenError: no permission, no space, a file in the way.
     """
+    import tempfile
+
     with writing(path):
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, "it is a folder")
@@ -113,6 +112,9 @@ def folder_whole(target: Path) -> Iterator[Path]:
     Raises:
         SnakegenError: the folder cannot be made or written, or another process writes it.
     """
+    from snakegen.base.file_lock import exclusive  # what these import, most commands do without
+    from snakegen.base.folder_swap import exchange_folder, move_files, must_stay
+
     target = Path(target)
     with writing(target):
         if target.exists() and not target.is_dir():
@@ -139,10 +141,12 @@ def work_folder(parent: Path, target: Path, shown: Path) -> Iterator[Path]:
     Raises:
         SnakegenError: it cannot be made, or an error of the system within the block.
     """
+    import shutil
+
     with writing(shown):
         for left in parent.glob(f".{glob.escape(target.name)}.*.work"):
             shutil.rmtree(left, ignore_errors=True)
-        beside = parent / f".{target.name}.{secrets.token_hex(4)}.work"
+        beside = parent / f".{target.name}.{os.urandom(4).hex()}.work"
         beside.mkdir()  # with the permissions of the umask
         try:
             yield beside

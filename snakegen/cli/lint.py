@@ -54,6 +54,8 @@ def lint(
     else:
         for text in done:
             click.echo(f"fixed    {text}")
+        if mend and not done:
+            click.echo("nothing to fix: --fix makes only edits that change no number")
         shown = [f for f in found if everything or f.severity != "note"]
         for finding in shown:
             click.echo(f"{finding.severity:<8} {finding}")

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator
 
 from snakegen.errors import near
+from snakegen.linter.catalogue import Severity
 from snakegen.linter.finding import Finding, finding, label, number, numbers
 from snakegen.linter.grammar import JOINT_AXES
 from snakegen.linter.xml_tree import Node
@@ -77,7 +78,8 @@ def _limit_faults(joint: Node, *, needed: bool) -> Iterator[Finding]:
             message = f"its {name} limit {value:g} is negative"
             yield finding("negative_limit", where, node.line, message)
         elif value == 0:
-            yield finding(f"no_{name}", where, node.line, f"its {name} limit is 0")
+            mild: Severity | None = None if needed else "note"  # a shaft, often of a rotor
+            yield finding(f"no_{name}", where, node.line, f"its {name} limit is 0", mild)
     effort = number(node, "effort")
     if effort is not None and effort > PLACEHOLDER:
         message = f"its effort limit {effort:g} is no actuator's"

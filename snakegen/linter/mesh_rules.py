@@ -9,7 +9,6 @@ centre of mass c,
 from __future__ import annotations
 
 import logging
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,6 +104,8 @@ def _solids(text: str, folder: Path, counts: dict[str, int]) -> dict[str, Solid]
 
     `counts` has the number of shapes by link.
     """
+    import tempfile
+
     import yourdfpy
 
     def located(fname: str) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snakegen.base.geometry import quaternions_xyzw
+from snakegen.description.mjcf.urdf_import import locate
 from snakegen.log import skeleton as sk
 from snakegen.log import style
 from snakegen.log.ground import log_ground
@@ -201,12 +202,13 @@ def drawable(urdf: str, meshes: Path | None) -> str:
             for shape in link.findall(kind):
                 mesh = shape.find("geometry/mesh")
                 name = "" if mesh is None else mesh.get("filename", "")
-                if mesh is None or meshes is None or "://" in name:
+                if mesh is None or (meshes is None and "://" not in name):
                     continue
-                path = (meshes / name).resolve()
-                mesh.set("filename", str(path))
-                if not path.is_file():
+                path = locate(name, () if meshes is None else (meshes,))
+                if path is None:
                     link.remove(shape)
+                else:
+                    mesh.set("filename", str(path.resolve()))
     grey = " ".join(f"{c / 255:.3f}" for c in style.BARE_LINK) + " 1"
     for visual in robot.iter("visual"):
         if visual.find("material") is None:

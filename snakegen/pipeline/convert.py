@@ -65,7 +65,9 @@ def convert(
     target = Path(out_dir) if out_dir is not None else Path(f"{name}_mjcf")
     with folder_whole(target) as folder:
         result, noted, meshes = _write(robot, folder)
-        given = (path, *meshes) if modules is None else (path, *meshes, Path(modules))
+        given = (path, *meshes)
+        if isinstance(modules, str | Path):
+            given = (*given, Path(modules))
         _refuse_overwriting(given, folder, target)
     return Conversion(
         target / f"{name}.urdf",

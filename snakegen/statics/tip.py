@@ -141,7 +141,8 @@ def _last_link(robot: Robot) -> str:
     """Returns the link of known length that stands deepest, else the last frame of the chain.
 
     The last frame: of those fixed to the body of the deepest chain joint, a tool's frame
-    included, the one behind most fixed joints; of several the farthest from that joint.
+    included, the one behind most fixed joints; of several the farthest from that joint. The fingers
+    of a gripper are no part of the chain.
     """
     depth = np.zeros(len(robot.tree.parent), int)
     for i in range(1, len(depth)):
@@ -149,13 +150,33 @@ def _last_link(robot: Robot) -> str:
     known = [n for n in robot.modules.lengths if robot.model.existBodyName(n)]
     if known:
         return max(known, key=lambda n: depth[robot.body_of_link(n)[0]])
+    fingers = _fingers(robot)
     bodies = [robot.body_of_joint(j) for j in robot.chain_joints]
+    bodies = [b for b in bodies if b not in fingers]
     if not bodies:
         return robot.root_link
     deepest = max(bodies, key=lambda b: depth[b])
     frames = [f for f in robot.model.frames if f.type == pin.FrameType.BODY]
     ends = [f for f in frames if robot.body_of_link(f.name)[0] == deepest]
     return str(max(ends, key=lambda f: (_fixed_above(robot, f), _reach(f))).name)
+
+
+def _fingers(robot: Robot) -> set[int]:
+    """Returns the bodies of grippers: branches side by side that mimic each other and nothing else.
+
+    A linkage in the chain mimics too, but has no twin beside it.
+    """
+    parent = robot.tree.parent
+    pairs = [(name, follower[0]) for name, follower in robot.followers.items()]
+    coupled = {robot.body_of_joint(n) for pair in pairs for n in pair}
+    below: dict[int, set[int]] = {i: {i} for i in range(len(parent))}
+    for i in range(len(parent) - 1, 0, -1):
+        below[int(parent[i])] |= below[i]
+    branches: dict[int, list[set[int]]] = {}
+    for i in range(1, len(parent)):
+        if below[i] <= coupled:
+            branches.setdefault(int(parent[i]), []).append(below[i])
+    return {b for twins in branches.values() if len(twins) > 1 for part in twins for b in part}
 
 
 def _fixed_above(robot: Robot, frame: Any) -> int:

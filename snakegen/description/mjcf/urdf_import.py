@@ -26,6 +26,7 @@ _SINGLE = frozenset(
     ("inertial", "origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration",
      "safety_controller")
 )  # fmt: skip
+_SHOWN = 6  # links in a message
 _ALTERING = ("balanceinertia", "inertiafromgeom", "boundmass", "boundinertia")
 
 
@@ -68,6 +69,7 @@ def importable(
     dropped += _repeats(robot)
     assets = dict(known)
     names: dict[Path, str] = {}
+    lost: dict[tuple[str, str], list[str]] = {}  # links by what was lost, and why
     for link in robot.iterfind("link"):
         for part in [p for p in link if p.tag in ("visual", "collision")]:
             if part.tag == "visual" and not visuals:
@@ -76,8 +78,17 @@ def importable(
             fault = _settle(part, folders, assets, names)
             if fault is not None:
                 link.remove(part)
-                dropped.append(f"{part.tag} of link '{link.get('name')}': {fault}")
+                lost.setdefault((part.tag, fault), []).append(str(link.get("name")))
+    dropped += [f"{tag} of {_links(links)}: {fault}" for (tag, fault), links in lost.items()]
     return Import(ET.tostring(robot, encoding="unicode"), assets, tuple(dropped), tuple(names))
+
+
+def _links(names: list[str]) -> str:
+    """Returns links in words, the first few of many."""
+    if len(names) == 1:
+        return f"link '{names[0]}'"
+    shown = ", ".join(f"'{n}'" for n in names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
+    return f"{len(names)} links ({shown})"
 
 
 def _own_settings(robot: ET.Element, folder: Path | None) -> tuple[tuple[Path, ...], list[str]]:
@@ -135,7 +146,9 @@ def _settle(
         return None
     file = locate(uri, folders)
     if file is None:
-        return f"mesh '{uri}' was not located"
+        package = uri.partition("://")[2].partition("/")[0]
+        where = f" (set ROS_PACKAGE_PATH to the folder that holds {package})" if package else ""
+        return f"mesh '{uri}' was not located{where}"
     if file not in names:
         name, content = _content(file)
         if content is None:

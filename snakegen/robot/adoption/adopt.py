@@ -109,8 +109,28 @@ class _Draft:
         out: dict[str, Any] = {"floating_root": self._root()}
         if length := self._length():
             out["link_length"] = length
+        if self._loses_an_axis():
+            why = "free gimbals leave an axis without force; unequal thrusts fly it, gimbals held"
+            out["control"] = {"mode": Drafted("dual_rotor", why, True)}
         out["apparatuses"] = self._apparatuses()
         return out
+
+    def _loses_an_axis(self) -> bool:
+        """Tells whether free gimbals command fewer than six axes, and held ones hover and turn."""
+        held, free = [], []
+        for k, c in enumerate(self.found):
+            arm = self.points[k] - self.points.mean(axis=0)
+            thrust = self.world[k]
+            held.append(np.r_[thrust, np.cross(arm, thrust) - 0.02 * self.spins[k].value * thrust])
+            free.append(held[-1])
+            for link in self.tilted[c.link]:
+                axis = numbers(self.tree.above[link].find("axis"), "xyz", 3) or (1.0, 0.0, 0.0)
+                turned = np.cross(self.tree.poses[link][:3, :3] @ np.array(axis), thrust)
+                free.append(np.r_[turned, np.cross(arm, turned)])
+        if len(free) == len(held):
+            return False  # no gimbals: that mode already
+        ranks = [int(np.linalg.matrix_rank(np.array(rows), tol=1e-3)) for rows in (free, held)]
+        return ranks[0] < 6 and ranks[1] >= 4
 
     def _root(self) -> Drafted:
         top = self.tree.top

@@ -59,6 +59,10 @@ def _mapping(
                 _mapping(entry, f"{indent}    ", f"{here}[{k + 1}].", lines, guesses)
                 lines[at] = f"{indent}  - {lines[at].lstrip()}"
             continue
+        if isinstance(value, dict):
+            lines.append(f"{indent}{key}:")
+            _mapping(value, f"{indent}  ", f"{here}.", lines, guesses)
+            continue
         mark = "guess: " if value.guess else ""
         lines.append(f"{indent}{key}: {_scalar(value.value)}  # {mark}{_comment(value.why)}")
         if value.guess:

@@ -169,6 +169,21 @@ def check_levers(
     )
 
 
+def _way_out(robot: Robot, frame: CogFrame) -> str:
+    """Returns what a body whose free gimbals do not reach all six axes can do."""
+    other = "bend the body, or lower control.sigma_min"
+    if len(robot.chain_joints) > len(robot.gimbal_names):
+        return other
+    q = robot.configuration(gimbals="hover")
+    rank = np.linalg.matrix_rank(allocation(robot, q).dual, tol=1e-6)
+    if rank < 4:
+        return "its rotors cannot hold a level hover"
+    return (
+        "with free gimbals it lacks an axis; control: {mode: dual_rotor} in the modules file flies "
+        "it by unequal thrusts, gimbals held"
+    )
+
+
 def _check_rank(robot: Robot, controller: Controller, frame: CogFrame, command: Command) -> None:
     """Refuses a start whose wrench map has lost an axis.
 
@@ -189,7 +204,7 @@ def _check_rank(robot: Robot, controller: Controller, frame: CogFrame, command: 
     if sigma < least and controller.apparatuses > 2:  # fewer never get there, however bent
         raise MissionError(
             f"{robot.name} starts in a singular posture: scaled σ_min {sigma:.2g} is below "
-            f"{least:g}; bend the body, or lower control.sigma_min."
+            f"{least:g}; {_way_out(robot, frame)}."
         )
     reach = force_sigma_min(controller, frame, command.gimbals)
     if reach < least:
