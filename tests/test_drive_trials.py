@@ -108,3 +108,13 @@ def test_a_servo_at_half_strength_fails(quick, joint):
     good = run(quick, "follow", seed=2, options=SHORT)
     for name in ("screw_servo_strength", "joint_servo_strength"):
         assert good.metrics[name] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_servo_at_its_torque_limit_shows_no_gain():
+    """Eight drums that start off their path: commands step to ±10 rad/s, torques to their limit."""
+    long = load(load_spec("screw4", links=8))
+    found = run(long, "lcrank", options={"duration": 1.0})
+    torque = found.channel("screw_torque").values
+    limit = np.array(found.meta["limits"]["screw_torque"])
+    assert (np.abs(torque) > 0.99 * limit).any()
+    assert found.metrics["screw_servo_strength"] == pytest.approx(1.0, abs=1e-6)

@@ -1,8 +1,9 @@
 """Strength of servos, read off a run: the gain that each shows over its declared one.
 
 A position servo gives ``τ = k (u − q) − d q̇``, a velocity servo ``τ = g (u − q̇)``. Least squares
-over a run give k and g: 1 as declared, 0.5 of a servo at half strength, whatever loads it. Tracking
-does not show that: a law that feeds errors back makes up for a weak servo.
+over a run give k and g: 1 as declared, 0.5 of a servo at half strength, whatever loads it. Samples
+at the torque limit show no gain and are left out. Tracking does not show a weak servo: a law that
+feeds errors back makes up for it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,6 +16,7 @@ from snakegen.robot.robot import Robot
 from snakegen.simulation.recording.recording import Recording
 
 STRONG = 0.8  # of the declared gain, that a servo must show: twice the ±10 % of declared stiffness
+_FREE = 0.99  # of its limit: a torque below shows a servo's gain
 _IDLE = 1e-4  # of its limit: RMS torque of a servo that bears nothing, whose gain nothing shows
 
 
@@ -49,8 +51,9 @@ def joint_strength(recording: Recording) -> Floats | None:
     torque, rate = (recording.held(name, time) for name in ("joint_torque", "joint_rate"))
     spring = torque + np.asarray(known["damping"], float) * rate
     stiffness = np.asarray(known["stiffness"], float)
-    share = _ratio((gap * spring).sum(axis=0), (gap * gap).sum(axis=0) * stiffness)
     limit = recording.meta["limits"]["joint_torque"]
+    gap = np.where(_free(torque, limit), gap, 0.0)
+    share = _ratio((gap * spring).sum(axis=0), (gap * gap).sum(axis=0) * stiffness)
     return np.where(_idle(torque, limit), np.nan, share)
 
 
@@ -67,11 +70,14 @@ def screw_strength(recording: Recording) -> Floats | None:
     torque = recording.channel("screw_torque").values[1:]
     asked = recording.channel("screw_rate_command").values[:-1]
     droop = asked - recording.channel("screw_rate").values[1:]
-    share = np.full(torque.shape[1], np.nan)
+    limit = recording.meta["limits"]["screw_torque"]
+    free, share = _free(torque, limit), np.full(torque.shape[1], np.nan)
     for j in range(len(share)):
-        columns = np.column_stack([droop[:, j], asked[:, j]])
-        share[j] = np.linalg.lstsq(columns, torque[:, j], rcond=None)[0][0] / gain[j]
-    return np.where(_idle(torque, recording.meta["limits"]["screw_torque"]), np.nan, share)
+        columns = np.column_stack([droop[:, j], asked[:, j]])[free[:, j]]
+        if len(columns) >= 2:
+            shown = np.linalg.lstsq(columns, torque[free[:, j], j], rcond=None)[0][0]
+            share[j] = shown / gain[j]
+    return np.where(_idle(torque, limit), np.nan, share)
 
 
 def declared_servos(
@@ -94,6 +100,10 @@ def declared_servos(
 
 def _ratio(above: Floats, below: Floats) -> Floats:
     return np.divide(above, below, out=np.full(len(above), np.nan), where=below > 0.0)
+
+
+def _free(torque: Floats, limit: Any) -> Any:
+    return np.abs(torque) < _FREE * np.asarray(limit, float)
 
 
 def _idle(torque: Floats, limit: Any) -> Any:
