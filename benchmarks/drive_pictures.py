@@ -32,12 +32,18 @@ POSES = ("stand", "wall", "ceiling", "vertical")
 BENT = {"joint3_yaw": 0.4}
 DISTURBED = 1e-3  # rad
 LATER = 1.0  # s
+FROM = [0.6, -2.2, -0.2]  # m, of the camera
 
 
-def sheet(shown: list[tuple[str, Path]], rows: int, out: Path) -> None:
+def sheet(shown: list[tuple[str, Path]], rows: int, out: Path, width: float = 4.0) -> None:
     """Puts PNGs with titles on one sheet."""
     columns = len(shown) // rows
-    figure, axes = plt.subplots(rows, columns, figsize=(4 * columns, 3.2 * rows), dpi=100)
+    figure, axes = plt.subplots(
+        rows,
+        columns,
+        figsize=(width * columns, (0.75 if width < 5 else 0.53) * width * rows),
+        dpi=100,
+    )
     for axis, (title, png) in zip(np.ravel(axes), shown, strict=True):
         axis.imshow(images.imread(png))
         axis.set_title(title, fontsize=9)
@@ -47,12 +53,23 @@ def sheet(shown: list[tuple[str, Path]], rows: int, out: Path) -> None:
     print(out)
 
 
-def rendered(model: Path, png: Path, qpos: np.ndarray | None = None) -> Path:
+def rendered(model: Path, png: Path, qpos: np.ndarray | None = None, camera: str = "") -> Path:
     """Renders a model in a posture; raises where there is no picture."""
-    found = render(model, png, width=640, height=480, qpos=qpos)
+    found = render(model, png, width=640, height=480, qpos=qpos, camera=camera or None)
     if not found:
         raise SystemExit(found.reason)
     return png
+
+
+def lit(path: Path) -> Path:
+    """Returns a copy of a model with more light and a camera from the side."""
+    spec = mujoco.MjSpec.from_file(str(path))
+    spec.visual.headlight.ambient = [0.7, 0.7, 0.7]
+    spec.worldbody.add_camera(name="aside", pos=FROM, xyaxes=[1.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    out = path.with_name(f"{path.stem}_lit.xml")
+    spec.compile()
+    out.write_text(spec.to_xml())
+    return out
 
 
 def stand(made: Path) -> None:
@@ -73,9 +90,9 @@ def slope(made: Path) -> None:
     shown = []
     for at, text in ((lost - 1.0, "held"), (float(log.time[-1]), "let go")):
         png = made / f"{text}.png"
-        draw(log, png, at, (1100, 700))
+        draw(log, png, at, (1400, 700))
         shown.append((f"{text}, {at:.1f} s", png))
-    sheet(shown, 1, DOCS / "slope.png")
+    sheet(shown, 2, DOCS / "slope.png", 9.0)
 
 
 def cabled(made: Path) -> None:
@@ -88,6 +105,7 @@ def cabled(made: Path) -> None:
         path = made / f"cables{number}.xml"
         found = cables.analyze(robot, q, minimum=minimum, mjcf=path)
         print(f"{text}: least stiffness {found.least:.3g} N·m/rad")
+        bright = lit(path)
         model = mujoco.MjModel.from_xml_path(str(path))
         data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -99,9 +117,11 @@ def cabled(made: Path) -> None:
             mujoco.mj_step(model, data)
         moved = float(np.abs(data.qpos - start).max())
         print(f"  {moved:.3g} rad in {LATER:g} s")
-        shown.append((f"{text}: at rest", rendered(path, made / f"a{number}.png", start)))
+        shown.append(
+            (f"{text}: at rest", rendered(bright, made / f"a{number}.png", start, "aside"))
+        )
         title = f"{text}: {LATER:g} s later, {moved:.2g} rad off"
-        shown.append((title, rendered(path, made / f"b{number}.png", data.qpos)))
+        shown.append((title, rendered(bright, made / f"b{number}.png", data.qpos, "aside")))
     sheet(shown[::2] + shown[1::2], 2, DOCS / "cables.png")
 
 
