@@ -10,6 +10,7 @@ import pytest
 import snakegen
 from snakegen.analysis import reach
 from snakegen.errors import AnalysisError
+from snakegen.inverse_kinematics.collisions import Collisions
 from snakegen.inverse_kinematics.path_following import chain_of, follow, place
 from snakegen.kernels.kinematics.inverse_kinematics import damped_right_inverse, limited_step
 from snakegen.statics.tip import find_tip
@@ -232,3 +233,12 @@ def test_a_lost_path_says_the_true_reason(robot, points, says):
     machine = snakegen.load(robot)
     result = reach.analyze(machine, machine.configuration(), path=np.array(points, float))
     assert says in result.why, result.why
+
+
+def test_a_port_narrower_than_the_links_does_not_fit(arm):
+    """Links have a radius of 40 mm: their line passes a rim of 20 mm, they do not."""
+    assert Collisions(arm).thickest == pytest.approx(0.04)
+    for radius, fits in ((0.06, True), (0.02, False)):
+        got = reach.analyze(arm, arm.configuration(), port=f"1.25,0.08,0.08,1,0,0,{radius}")
+        assert got.track.complete and got.fits == got.complete == fits
+        assert ("does not fit" in dict(got.rows())["port"]) != fits

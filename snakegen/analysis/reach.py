@@ -25,7 +25,7 @@ from snakegen.inverse_kinematics.path_following import (
     place,
     reach_point,
 )
-from snakegen.inverse_kinematics.reach_reason import describe_track, length_text, stretched
+from snakegen.inverse_kinematics.reach_reason import describe_track, port_text, stretched
 from snakegen.inverse_kinematics.tip_paths import checked_path, circle, port, port_of, through
 from snakegen.robot.robot import Robot
 from snakegen.scene.solids import Solid
@@ -56,6 +56,7 @@ class ReachResult:
         track: what became of the path, None if its first point was missed.
         why: one sentence: complete, or where and why the path was lost.
         nearest: least distance of the body from itself, the floor and obstacles along the track.
+        thickest: m, largest radius of a link.
         tries: resting postures tried until one kept clear, or that there were.
     """
 
@@ -72,12 +73,18 @@ class ReachResult:
     why: str
     nearest: Nearest | None = None
     tries: int = 1
+    thickest: float = 0.0
 
     @property
     def complete(self) -> bool:
         """Tells whether the whole path was followed and nothing touched on the way."""
         followed = self.track is not None and self.track.complete
-        return followed and (self.nearest is None or self.nearest.free)
+        return followed and self.fits and (self.nearest is None or self.nearest.free)
+
+    @property
+    def fits(self) -> bool:
+        """Tells whether the thickest link passes the port, if there is one."""
+        return self.track is None or self.track.clearance >= self.thickest
 
     def rows(self) -> list[tuple[str, str]]:
         """Returns (label, text) pairs for people."""
@@ -93,9 +100,7 @@ class ReachResult:
             rms = float(np.sqrt(np.mean(e**2)))
             out.append(("tip error", f"{e.max():.3g} mm at most, {rms:.3g} mm RMS"))
             if np.isfinite(self.track.clearance):
-                room = self.track.clearance
-                words = "of room at least" if room >= 0 else "beyond its rim at worst"
-                out.append(("port", f"{length_text(abs(room))} {words}"))
+                out.append(("port", port_text(self.track.clearance, self.thickest)))
         if self.nearest is not None:
             word = "clearance" if self.nearest.free else "collision"
             more = f"; {self.tries} resting postures tried" if self.tries > 1 else ""
@@ -134,6 +139,8 @@ class ReachResult:
                 "port_clearance_m": clear if np.isfinite(clear) else None,
                 "joints_end_rad": dict(zip(self.joints, track.angles[-1].tolist(), strict=True)),
             }
+            if np.isfinite(clear):
+                out["path"]["thickest_link_m"] = self.thickest
         return out
 
 
@@ -198,8 +205,7 @@ def analyze(
         raise AnalysisError(f"margin = {margin:g} rad leaves the joints no range.")
     chain = replace(chain, lower=chain.lower + margin, upper=chain.upper - margin)
     if options is None:
-        gate = port_of(port)
-        options = Options(dt, gain, corrections, give_up=give_up, port=gate)
+        options = Options(dt, gain, corrections, give_up=give_up, port=port_of(port))
     loop = _checked_options(options, len(chain.joints))
     full = robot.angles(q)
     start, J = place(chain, full)
@@ -212,9 +218,9 @@ def analyze(
     u, s, _ = np.linalg.svd(J)
     rank = int(np.sum(s > 1e-6 * max(s[0], 1e-300)))
     names = tuple(robot.joint_names[j] for j in chain.joints)
-    solids = obstacles_of(obstacles)
+    world = Collisions(robot, obstacles_of(obstacles))
     full, missed, track, nearest, tried = _clear_of_contact(
-        chain, full, given, loop, Collisions(robot, solids), max(int(tries), 1)
+        chain, full, given, loop, world, max(int(tries), 1)
     )
     return ReachResult(
         names,
@@ -230,6 +236,7 @@ def analyze(
         describe_track(chain, full, given, missed, track, loop),
         nearest,
         tried,
+        world.thickest,
     )
 
 

@@ -11,6 +11,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+import coal
 import numpy as np
 import pinocchio as pin
 
@@ -98,6 +99,13 @@ class Collisions:
         self.links += [one.name for one in solid]
         self._add_pairs(count)
         self.places = pin.GeometryData(self.geometry)
+
+    @property
+    def thickest(self) -> float:
+        """Returns the largest radius of the robot's cylinders and capsules [m]; 0: it has none."""
+        own = [g.geometry for g in self.geometry.geometryObjects if g.parentFrame > 0]
+        round_ = [g.radius for g in own if isinstance(g, coal.Cylinder | coal.Capsule)]
+        return float(max(round_, default=0.0))
 
     def _add_pairs(self, count: int) -> None:
         """Adds pairs of links that are no neighbours, and of moving links with what is fixed."""

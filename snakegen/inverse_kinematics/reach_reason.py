@@ -82,6 +82,19 @@ def _reason(chain: Chain, full: Floats, target: Floats, loop: Options) -> str:
     return short
 
 
+def port_text(room: float, thickest: float) -> str:
+    """Returns how near the body's line comes to a port's rim, and whether its links fit.
+
+    Args:
+        room: m, from the line to the rim; less than 0 beyond it.
+        thickest: m, largest radius of a link.
+    """
+    words = "from the body's line to its rim" if room >= 0 else "beyond its rim at worst"
+    fit = "" if room >= thickest else ", which does not fit"
+    body = f"the thickest link has a radius of {length_text(thickest)}{fit}"
+    return f"{length_text(abs(room))} {words}; {body}"
+
+
 def length_text(metres: float) -> str:
     """Returns a length as people say it: mm below a metre."""
     return f"{metres:.3g} m" if metres >= 1.0 else f"{1e3 * metres:.3g} mm"

@@ -97,7 +97,7 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
             # is then right for the motion made, not at once for the one asked for.
             bound=TIP_BOUND,
             thresholds={
-                "port_clearance_m": {"at_least": 0.0} if options.port else None,
+                "port_clearance_m": {"at_least": solved.thickest} if options.port else None,
                 "torque_gap_share": None if options.port else {"at_most": 0.01},
             },
             facts=facts,
