@@ -34,6 +34,15 @@ def slope(robot: Robot, q: np.ndarray, kind: str, index: int) -> float:
     return (values[0] - values[1]) / (2.0 * STEP)
 
 
+def test_wrench_of_limited_gimbals_against_central_differences():
+    robot, q = limited("roll_limit=0.5", "pitch_limit=1.2")
+    found = margin_gradients(robot, q, "wrench")
+    assert found.value > 0.1 and not found.kink
+    by, at = found.by("joints"), robot.joint_names.index("joint1_yaw")
+    assert slope(robot, q, "wrench", at) == pytest.approx(by[at], abs=1e-6 * np.abs(by).max())
+    assert abs(by[at]) > 0.01
+
+
 @pytest.mark.parametrize("kind", ["force", "torque"])
 @pytest.mark.parametrize(
     "fields", [("roll_limit=0.8", "pitch_limit=0.8"), ("roll_limit=0.5", "pitch_limit=1.2")]
