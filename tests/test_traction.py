@@ -132,6 +132,15 @@ def test_rolling_friction_holds_more_and_never_less(straight):
     assert held[0] < held[1] < held[2] and math.tan(held[2]) < 0.2
 
 
+@pytest.mark.parametrize("friction", [1e-4, 0.01, 0.025])
+def test_no_slope_beyond_the_angle_of_friction_is_held(straight, friction):
+    """On ice wheels slide before they roll, whatever they rub against."""
+    for side in ("nose_up", "left_down"):
+        held = steepest_slope(straight, downhill(straight, side), friction)
+        assert math.tan(held.value) <= friction * (1 + 1e-6) + 1e-9
+        assert 0.3 * friction < math.tan(held.upper) <= 1.006 * friction + 3e-5
+
+
 def test_weak_motors_limit_what_grip_allows(screw4):
     weak = load(load_spec("screw4", overrides=["screw_drive.effort=0.2"]))
     strong, poor = (stance(r, r.configuration()) for r in (screw4, weak))

@@ -2,8 +2,8 @@
 
 A drum i carries a normal force ``N_i ≥ 0``, a force F_i along its wheels' axles and a force G_i
 across them, which rolling and bearing friction hold: ``F_i² + G_i² ≤ (μ N_i)²`` and
-``|G_i| ≤ c N_i``, as polygons round it (the bound); the figure keeps to the ellipse inside,
-``(F_i / μ)² + (G_i / c)² ≤ N_i²``. A caster's ball carries a normal force. With generalized
+``|G_i| ≤ c N_i``, c of μ at most, as polygons round it (the bound); the figure keeps to the ellipse
+inside, ``(F_i / μ)² + (G_i / c)² ≤ N_i²``. A caster's ball carries a normal force. With generalized
 coordinates [base twist; held joints]:
 
     J_nᵀ N + J_aᵀ F + J_cᵀ G + w₀ + t w₁ = [0; -τ],   |τ_j| ≤ effort of servo or motor
@@ -114,7 +114,8 @@ def _solve(
     for i, drum in enumerate(drums):
         where = np.flatnonzero(carrying == drum)
         limited = np.isfinite(friction) or not where.size
-        for f, g, h in _cone(friction, body.rolling if slack else 0.0, share is not None):
+        rolling = min(body.rolling, friction) if slack else 0.0
+        for f, g, h in _cone(friction, rolling, share is not None):
             row = np.zeros(2 * n + k + 1)
             row[i], row[n + i] = f, g
             if where.size:
@@ -159,7 +160,7 @@ def _cone(friction: float, rolling: float, inside: bool) -> list[tuple[float, fl
 
     Args:
         friction: μ; inf gives the rows that hold a drum in the air.
-        rolling: c; 0: wheels that roll freely.
+        rolling: c, of μ at most; 0: wheels that roll freely.
         inside: a polygon inside the ellipse of both, its corners on the axes, else one round
             circle and strip.
     """
