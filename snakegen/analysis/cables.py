@@ -138,7 +138,9 @@ def analyze(
     if mjcf is None:
         return result
     if loads or torque is not None:
-        raise AnalysisError("an MJCF has no loads of its own: ask for it without wrenches, torque.")
+        raise AnalysisError(
+            "an MJCF has no loads of its own: ask for it without tip force, wrenches, torque."
+        )
     if cables.friction > 0:
         raise AnalysisError("MuJoCo's tendons have no friction over holes: ask for it without.")
     if not result.feasible:

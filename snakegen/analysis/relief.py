@@ -100,8 +100,8 @@ class ReliefResult:
         worst = int(np.argmax(np.abs(self.load) / self.thrust.effort))
         out = [
             ("servos alone", f"{100 * self.use:.3g} % of {self.thrust.joints[worst]}'s torque"),
-            ("with thrust", f"{100 * self.relieved.value:.3g} % at best, no less than "
-             f"{100 * self.relieved.bound:.3g} %"),
+            ("with thrust", f"{_percent(self.relieved.value)} at best, no less than "
+             f"{_percent(self.relieved.bound)}"),
         ]  # fmt: skip
         for j, force in enumerate(self.relieved.forces):
             way = " ".join(f"{x:+.2f}" for x in np.round(force, 2) + 0.0)
@@ -197,3 +197,7 @@ def analyze(
     sizes = np.array([one.value for one in borne])
     names = robot.apparatus_names
     return ReliefResult(load, posture, along, alone, sizes, names)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.3g} %" if share >= 1e-5 or share <= 0 else "less than 0.001 %"

@@ -152,7 +152,8 @@ class DriveResult:
             text = f"{low:.3f} to {high:.3f} m/s; {self.speed:g} m/s over {wide:.0f}°"
             out.append(("any direction", text))
         out.append(("turning radius", f"{_two_ways(self.following)} follow-the-leader"))
-        out.append(("", f"{_two_ways(self.fixed)} with the shape held"))
+        at = "" if np.isfinite(self.fixed).all() else f" at {self.speed:g} m/s"
+        out.append(("", f"{_two_ways(self.fixed)} with the shape held{at}"))
         if self.slip:
             slip = ", ".join(f"{name} {1e3 * value:.2g}" for name, value in self.slip.items())
             out.append(
@@ -276,8 +277,12 @@ def _two_ways(radii: tuple[float, float]) -> str:
     """Returns the radii of left and right turns as text; one where they agree."""
     left, right = radii
     if left == right or abs(left - right) < 5e-4:
-        return f"{left:.3f} m"
-    return f"{left:.3f} m to the left, {right:.3f} m to the right,"
+        return _radius(left)
+    return f"{_radius(left)} to the left, {_radius(right)} to the right,"
+
+
+def _radius(value: float) -> str:
+    return f"{value:.3f} m" if math.isfinite(value) else "none"
 
 
 def _degrees(angles: ArrayLike) -> str:
