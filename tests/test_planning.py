@@ -92,6 +92,17 @@ def test_a_middle_alone_is_no_bound(body: PlannedBody, path: Trajectory) -> None
     assert few["clearance"] > sampled(body, path, 400)["clearance"] + 1e-4
 
 
+def test_the_least_seen_is_that_of_samples_where_the_search_stops_early(
+    body: PlannedBody, path: Trajectory
+) -> None:
+    """Demands that every interval meets end the search of margins at once."""
+    early = certify(body, path, enough={"force_margin": -1e3, "torque_margin": -1e3})
+    fine = sampled(body, path, 400)
+    for name in ("force_margin", "torque_margin"):
+        assert early.bounds()[name].lower <= fine[name]
+        assert early.bounds()[name].seen <= fine[name] + 0.005 * abs(fine[name])
+
+
 def test_swing_covers_each_piece(path: Trajectory) -> None:
     rng = np.random.default_rng(0)
     for start, end in path.pieces():
