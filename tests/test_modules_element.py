@@ -46,7 +46,7 @@ FAULTS = [
     ('blades="6"', 'blades="100000"', "line 10: .*1 to 64"),
     ('blades="6"', 'rollers="square"', "line 10: .*one of helix_capsule"),
     ('mode="dual_rotor"', 'mode="magic"', "line 12: <control mode='magic'>"),
-    ('gains="soft"', 'gains="hard"', "line 12: .*'hard' is none of"),
+    ('gains="soft"', 'gains="hard"', "line 12: .*must be one of .*got 'hard'"),
     ('force_p="1 2 3"', 'force_p="1 2"', "line 13: <gains force_p='1 2'>"),
     ('force_p="1 2 3"', 'force_q="1 2 3"', "line 13: <gains> has no attribute 'force_q'"),
     ('force_p="1 2 3"', 'force_p="1 2 inf"', "line 13: <gains force_p='1 2 inf'>: .*finite"),

@@ -16,7 +16,7 @@ from snakegen.kernels.kinematics.chain import centre_of_gravity, forward
 from snakegen.robot.robot import load
 from snakegen.simulation.flight.plant import bounded_normal
 from snakegen.simulation.flight.run import prepare, run
-from snakegen.simulation.flight.trim import found, integral_rates, trimmed
+from snakegen.simulation.flight.trim import integral_rates, integrator_state, trimmed
 from snakegen.simulation.missions import planned
 from snakegen.spec.loading import load_spec
 
@@ -181,7 +181,7 @@ def test_trim_is_on_where_a_mission_starts_in_the_air_and_off_where_told():
 def test_what_integrals_hold_is_in_accelerations():
     c = flight_controller(load("dragon4"))
     state = c.start()._replace(force_integral=np.array([1.0, -2.0, 0.5]))
-    held = found(c.law, state)
+    held = integrator_state(c.law, state)
     np.testing.assert_allclose(held["force_integral_m_s2"], [0.03, -0.06, 0.6])
     assert held["at_clamp"] == ["y"]
 

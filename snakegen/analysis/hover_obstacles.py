@@ -124,7 +124,7 @@ def hover_obstacles(
 
 
 def _tilted(robot: Robot, q: Floats, sets: ForceSets, up: Floats, weight: float) -> Floats | None:
-    """Returns forces (n, 3) of least tilt that bear the weight without torque, if found."""
+    """Returns forces (n, 3) of least tilt that carry the weight without torque, if found."""
     rng, best, least = np.random.default_rng(0), None, np.inf
     low = np.r_[sets.low, sets.phi[:, 0], sets.theta[:, 0]]
     high = np.r_[sets.high, sets.phi[:, 1], sets.theta[:, 1]]
@@ -160,7 +160,7 @@ def _directions(forces: Floats) -> Floats:
 
 
 def _search(sets: ForceSets, x: Floats, up: Floats, weight: float, arm: float) -> Floats:
-    """Returns thrusts and angles (3n,) of least tilt near x that bear the weight without torque."""
+    """Returns thrusts and angles (3n,) of least tilt near x that carry the weight, no torque."""
     from scipy.optimize import minimize
 
     low = np.r_[sets.low, sets.phi[:, 0], sets.theta[:, 0]]

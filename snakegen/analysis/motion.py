@@ -222,7 +222,7 @@ def analyze(
     if not applies(robot):
         raise AnalysisError(f"{robot.name} is no arm on a fixed base: its motions are flights.")
     if terms not in DEPTHS:
-        raise AnalysisError(f"terms: '{terms}' is none of {', '.join(DEPTHS)}.")
+        raise AnalysisError(f"terms must be one of {', '.join(DEPTHS)} (got '{terms}').")
     if table is not None:
         require_suffix(table, *ENDINGS)
     q = robot.validate_configuration(q)

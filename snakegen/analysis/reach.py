@@ -1,7 +1,7 @@
 """Reach: where the tip can go, how well it follows a path, and where it has to give up.
 
 Inverse kinematics of redundant chains (ZS24 eqs 3-5 as THEORY C reads them): damped right inverse,
-closed loop, limits and a posture wish in the null space; the body may have to pass a port.
+closed loop, limits and a preferred posture in the null space; the body may have to pass a port.
 """
 
 from collections.abc import Sequence
@@ -197,7 +197,7 @@ def analyze(
         tip_point: x,y,z of the tip on that link, m
 
     Raises:
-        AnalysisError: no chain joint, a path or option that is none.
+        AnalysisError: no chain joint, an invalid path or option.
     """
     q = robot.validate_configuration(q)
     chain = chain_of(robot, q, find_tip(robot, tip, tip_point))
@@ -256,9 +256,9 @@ def _clear_of_contact(
     for k in range(tries):
         begin, options = full, loop
         if k > 0:
-            wish = middle + 0.8 * np.minimum(half, np.pi) * rng.uniform(-1.0, 1.0, len(half))
-            options, begin = replace(loop, posture=wish), full.copy()
-            begin[chain.joints] = wish
+            preferred = middle + 0.8 * np.minimum(half, np.pi) * rng.uniform(-1.0, 1.0, len(half))
+            options, begin = replace(loop, posture=preferred), full.copy()
+            begin[chain.joints] = preferred
         start, missed, _ = reach_point(chain, begin, path[0], options)
         track = follow(chain, start, path, options) if missed <= loop.give_up else None
         near = None if track is None else world.nearest(track.angles, names)

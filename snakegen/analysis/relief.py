@@ -3,7 +3,7 @@
 Vectoring apparatuses on a fixed base do not fly: they are actuators beside the servos. The classes
 of free flight do not apply to them. Gimbals are taken as free to turn; their own torques are not
 counted, but their weight is: the relieved torques are those with gimbals along their forces, as
-mission `hold` has them, and so are the forces that the tip bears; the bounds of these hold at any
+mission `hold` has them, and so are forces at the tip; their bounds hold at any
 angle of the gimbals.
 """
 
@@ -52,7 +52,7 @@ class ReliefResult:
         posture: gimbals along the forces that make the highest share of servo torque least.
         along: by direction, the tip force of servos and thrust together.
         alone: by direction, the tip force of the servos alone [N].
-        sizes: (14,) N, forces at the tip that servos and thrust bear together along the axes and
+        sizes: (14,) N, forces at the tip that servos and thrust hold together along the axes and
             corners of a cube, world axes; inf without a limit, nan where none is borne.
         apparatuses: their names, with their links.
     """

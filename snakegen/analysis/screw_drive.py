@@ -233,7 +233,7 @@ def analyze(
     """Returns all that the model says of the robot's drive at q (HA eqs 1-7).
 
     Options:
-        path: path whose rates are worked out: line, arc, lcrank, scurve
+        path: path whose rates are computed: line, arc, lcrank, scurve
         speed: m/s along that path
         screw_rate: rad/s that a screw motor reaches; 0: the URDF's limit
 

@@ -82,7 +82,7 @@ def analyze(
     if not applies(robot):
         raise AnalysisError(f"{robot.name} has no joint: there is no torque to analyse.")
     if terms not in DEPTHS:
-        raise AnalysisError(f"terms: '{terms}' is none of {', '.join(DEPTHS)}.")
+        raise AnalysisError(f"terms must be one of {', '.join(DEPTHS)} (got '{terms}').")
     q = robot.validate_configuration(q)
     given: dict[str, Any] = {"wrenches": wrenches, "gravity": gravity}
     held = hold_up(robot, q, hold=hold, thrust=thrust, **given)

@@ -8,7 +8,7 @@ import numpy as np
 
 from snakegen.base.geometry import Floats
 from snakegen.statics.joint_torques import Depth
-from snakegen.statics.statics_rows import bears, joint_rows
+from snakegen.statics.statics_rows import capacity_text, joint_rows
 from snakegen.statics.tip import TipLoad, plain
 
 _SUPPORTS = {
@@ -128,8 +128,11 @@ class StaticsResult:
         if np.isinf(load.wrench_radius):
             any_wrench = "of any size: no limit is declared that it reaches"
         return [
-            (f"tip load capacity{how}", bears(load.force_radius, "N", load.force_joint, load.free)),
-            ("", bears(load.torque_radius, "N·m", "", load.torque_free)),
+            (
+                f"tip load capacity{how}",
+                capacity_text(load.force_radius, "N", load.force_joint, load.free),
+            ),
+            ("", capacity_text(load.torque_radius, "N·m", "", load.torque_free)),
             ("  any wrench", any_wrench),
             (
                 f"tip carries{how}",

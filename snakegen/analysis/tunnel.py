@@ -151,7 +151,7 @@ def analyze(
         tip_point: x,y,z of the tip on that link, m
 
     Raises:
-        AnalysisError: no hole, numbers that are none, a mouth that the tip cannot stand in.
+        AnalysisError: no hole, invalid numbers, a mouth that the tip cannot stand in.
     """
     q = robot.validate_configuration(q)
     if not applies(robot):

@@ -186,7 +186,7 @@ def replace_whole(path: Path, write: Callable[[Path], object], *, sync: bool = F
 
 
 def remove_left_parts(target: Path) -> None:
-    """Removes what processes that were killed left of `target`, half-written beside it."""
+    """Removes what processes that were killed left of `target`, half-written next to it."""
     for left in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
         owner = left.name.removeprefix(f".{target.name}.").split(".")[0]
         if not owner.isdigit():

@@ -1,6 +1,6 @@
 """Exclusive writing of a file: a lock that ends with its process and names its owner.
 
-The lock is an advisory `flock` on ``.NAME.lock`` beside the file. The kernel drops it when the
+The lock is an advisory `flock` on ``.NAME.lock`` next to the file. The kernel drops it when the
 process ends, however it ends, so a lock file left behind by a killed process on this host never
 blocks. What another host left cannot be judged from here and is refused.
 """

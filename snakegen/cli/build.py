@@ -116,8 +116,8 @@ def _export(spec: Any, kind: str, out: str | None, as_json: bool, **how: Any) ->
         note(f"warning: {warning}")
     if as_json:
         files = [str(made.folder / file) for file in made.files]
-        told = {"format": kind, "folder": str(made.folder), "files": files}
-        print_json(told | {"lost": made.lost, "equivalence": made.equivalence.to_json()})
+        made_files = {"format": kind, "folder": str(made.folder), "files": files}
+        print_json(made_files | {"lost": made.lost, "equivalence": made.equivalence.to_json()})
         return
     for file in made.files:
         click.echo(str(made.folder / file))

@@ -41,12 +41,12 @@ def demo(out: str) -> int:
     flight = _run("analyze", "flight", urdf, "--mission", _MISSION, "-o", log, capture=True)
     try:
         analysed = _run("analyze", urdf, "--posture", posture, "--report", page).wait()
-        told, _ = flight.communicate()
+        output, _ = flight.communicate()
     except BaseException:
         flight.terminate()
         flight.wait()
         raise
-    lines = told.splitlines()
+    lines = output.splitlines()
     for line in ["", *lines[:-1]]:
         click.echo(line)
     for what, path in (("report", page), ("picture", folder / f"{_ROBOT}.png"), ("log", log)):

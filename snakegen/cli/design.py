@@ -150,7 +150,7 @@ def _fly(result: Any, folder: Path, seed: int) -> list[dict[str, Any]]:
             row: dict[str, Any] = {"design": design.label, "mission": mission}
             try:
                 recording = run(robot, mission, seed=seed)
-            except SnakegenError as error:  # a margin that this body lacks: told before take-off
+            except SnakegenError as error:  # a margin is missing: reported before take-off
                 out.append(row | {"passed": False, "agrees": True, "verdict": f"refused: {error}"})
                 continue
             write(recording, home / f"{mission}.rrd")

@@ -61,10 +61,10 @@ def examine() -> list[Finding]:
 def _machine() -> Finding:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     free = shutil.disk_usage(Path.cwd()).free / 1e9
-    said = f"{platform.system()} {platform.machine()}, {cores} cores, {free:.0f} GB of disk free"
+    text = f"{platform.system()} {platform.machine()}, {cores} cores, {free:.0f} GB of disk free"
     if free < _DISK_GB:
-        return Finding("machine", "limited", said, f"free some disk: {_DISK_GB:g} GB is wanted")
-    return Finding("machine", "ok", said)
+        return Finding("machine", "limited", text, f"free some disk: {_DISK_GB:g} GB is wanted")
+    return Finding("machine", "ok", text)
 
 
 def _packages() -> Iterator[Finding]:
@@ -139,8 +139,8 @@ def _cache() -> Finding:
             "kernel cache", "limited", "cannot be written: every command compiles anew",
             "set SNAKEGEN_CACHE_DIR to a folder that can be written",
         )  # fmt: skip
-    said = "empty: the first flight compiles for a minute or two" if cold() else "has kernels"
-    return Finding("kernel cache", "ok", f"{folder.parent}, {said}")
+    text = "empty: the first flight compiles for a minute or two" if cold() else "has kernels"
+    return Finding("kernel cache", "ok", f"{folder.parent}, {text}")
 
 
 def _extras() -> Iterator[Finding]:

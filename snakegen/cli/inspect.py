@@ -41,7 +41,7 @@ def inspect(
     shift: float,
     show: bool,
 ) -> int:
-    """Read metrics and verdict back from FILE.rrd, worked out again from its samples.
+    """Read metrics and verdict back from FILE.rrd, computed again from its samples.
 
     With OTHER.rrd the two are compared. Exit code 3 when the verdict fails.
 
@@ -153,8 +153,8 @@ def _compare(file: str, other: str, as_json: bool) -> int:
         rows = {r.metric: {"a": r.a, "b": r.b, "difference": r.difference} for r in found.rows}
         print_json({"runs": heads, "runs_differ_in": list(found.differing)} | rows)
         return 0
-    told = [name for name in heads["a"] if any(h[name] is not None for h in heads.values())]
-    table = [(name, *(_unknown(head[name]) for head in heads.values())) for name in told]
+    known = [name for name in heads["a"] if any(h[name] is not None for h in heads.values())]
+    table = [(name, *(_unknown(head[name]) for head in heads.values())) for name in known]
     table += [(r.metric, _short(r.a), _short(r.b)) for r in found.rows]
     wide, left, right = (max(map(len, column)) for column in zip(*table, strict=True))
     for name, a, b in table:

@@ -10,7 +10,7 @@ MOST_EVENTS = 8  # lines of a failed run; the log has them all
 def result_json(recording: Any, path: Path) -> dict[str, Any]:
     """Returns what --json prints: metrics, facts of the mission, verdict and where the log is."""
     judged = recording.verdict
-    told = (
+    keys = (
         "robot",
         "mission",
         "seed",
@@ -21,7 +21,7 @@ def result_json(recording: Any, path: Path) -> dict[str, Any]:
         "feed_forward",
         "stopped",
     )
-    keep = (*told, "modal_frequencies_hz", "facts")
+    keep = (*keys, "modal_frequencies_hz", "facts")
     return (
         {k: recording.meta[k] for k in keep if k in recording.meta}
         | recording.metrics

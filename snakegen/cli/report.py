@@ -30,7 +30,7 @@ from snakegen.cli.options import (
     "file",
     metavar="FILE.html|.md",
     type=click.Path(),
-    help="Also write a page: .html is one file with the robot in 3-D; .md has plots beside it.",
+    help="Also write a page: .html is one file with the robot in 3-D; .md has plots next to it.",
 )
 @robot_options
 def report(source: Source, stance: Stance, as_json: bool, explain: bool, file: str | None) -> None:

@@ -178,8 +178,8 @@ def _kept(path: Path) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        if said := kept():
-            raise Interrupted(f"interrupted; {said}") from None
+        if note := kept():
+            raise Interrupted(f"interrupted; {note}") from None
         raise
     except WorkersLostError as error:
         raise WorkersLostError(f"{error} {kept() or 'No part was finished.'}") from None
@@ -287,5 +287,5 @@ def _worst_text(worst: dict[str, Any], column: str) -> str:
         return f"hover out of reach (scaled wrench margin {worst['wrench_margin']:.3g})"
     if worst["zero"]:
         return "0" + (": no resistance in some direction" if "margin" in column else "")
-    said = "" if worst["closed"] else " (bounds did not close)"
-    return f"{worst['lower']:.6g} … {worst['upper']:.6g}{said}"
+    note = "" if worst["closed"] else " (bounds did not close)"
+    return f"{worst['lower']:.6g} … {worst['upper']:.6g}{note}"

@@ -19,7 +19,7 @@ from snakegen.kernels.core.types import Gimbals, Mechanism, Rotors, Tree
 from snakegen.robot.robot import GRAVITY, Robot
 
 MODES = {"virtual_single_rotor": VIRTUAL, "dual_rotor": DUAL}
-INTERNAL_TIME = (0.5, 0.02)  # s; slow beside the attitude loop; several ticks
+INTERNAL_TIME = (0.5, 0.02)  # s; slow compared with the attitude loop; several ticks
 
 
 class ControlRefused(SnakegenError):
@@ -130,7 +130,7 @@ class Controller:
 
 @dataclass(frozen=True)
 class LawOptions:
-    """Options of the control laws beside the gains; names as in `kernels.control.types.Law`.
+    """Options of the control laws besides the gains; names as in `kernels.control.types.Law`.
 
     Attributes:
         gimbal_lower, gimbal_upper: rad, one number, (2,) or (Ñ, 2).

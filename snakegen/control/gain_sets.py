@@ -14,7 +14,7 @@ ROOT_AXES_UP_TO = 8  # links; longer bodies fly by the middle link's axes (THEOR
 # is as fast as its attitude loop, and unstable through it at any motor lag above 15 ms.
 TILT_FORCE_P, TILT_FORCE_I, TILT_FORCE_D = 1.5, 0.2, 2.2
 # Unequal rotors tilt such a body until the integral has learnt them: within 1 s about the axis
-# (assumed; Table 5's 50 s are those of a body whose gimbals bear the difference).
+# (assumed; Table 5's 50 s are those of a body whose gimbals take the difference).
 TILT_TORQUE_P, TILT_TORQUE_I, TILT_TORQUE_D = 30.0, 30.0, 9.0
 FIXED_YAW_I = 5.0  # 1/s³, of a body without gimbals, whose yaw is what its rotors' drag leaves
 

@@ -17,7 +17,7 @@ def dual_loss(
 ) -> str:
     """Returns the motions of [f_z; τ] that no rotor thrust works on, and the reason.
 
-    A reason that names drag or spins is given only where the rank, worked out again with other
+    A reason that names drag or spins is given only where the rank, computed again with other
     drag ratios or spins, is full.
 
     Args:

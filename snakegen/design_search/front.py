@@ -63,7 +63,7 @@ class Design:
     equivalence: float
 
     def to_json(self) -> dict[str, Any]:
-        """Returns plain data: objectives by name beside the spec."""
+        """Returns plain data: objectives by name, and the spec."""
         return self.values | {
             "label": self.label,
             "spec": self.spec,

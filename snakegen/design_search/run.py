@@ -108,11 +108,11 @@ def run_study(
 
 
 def _proof(problem: Problem, start: tuple[float, ...], deadline: float, tell: Tell) -> Bound:
-    said = [0.0]
+    reported = [0.0]
 
     def progress(best: float, upper: float) -> None:
-        if time.monotonic() - said[0] > 10.0:
-            said[0] = time.monotonic()
+        if time.monotonic() - reported[0] > 10.0:
+            reported[0] = time.monotonic()
             tell(f"found {best:.4g}, proved at most {upper:.4g}")
 
     return prove(problem, np.array(start), deadline, progress)

@@ -133,7 +133,7 @@ def waypoints(
         row = int(np.argmax(np.diff(t) <= 0)) + 2 if len(t) >= 2 else len(t)
         raise AnalysisError(f"{name}: two waypoints or more with rising times (row {row}).")
     if ends not in ("rest", "free"):
-        raise AnalysisError(f"ends: '{ends}' is none of rest, free.")
+        raise AnalysisError(f"ends must be rest or free (got '{ends}').")
     table = np.repeat(_start(robot, start)[None], len(t), axis=0)
     for joint, values in angles.items():
         column = _column(values, joint)

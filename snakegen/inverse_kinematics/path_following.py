@@ -54,8 +54,8 @@ class Options:
         corrections: Newton steps after each sample at most; 0 is the pure rate loop.
         tolerance: m, tip error at which corrections stop.
         give_up: m, tip error at which the path counts as lost.
-        posture: (k,) rad, the joints' wish in the null space; mid-range if absent.
-        pull: 1/s, how fast the wish is followed.
+        posture: (k,) rad, preferred angles in the null space; mid-range if absent.
+        pull: 1/s, how fast the preferred motion is followed.
         floor: σ_min / scale below which the inverse is damped.
         damping: λ / scale at σ_min = 0.
         port: opening to pass.
@@ -171,9 +171,9 @@ def _approach(
         if left <= options.tolerance:
             break
         e *= min(1.0, 0.1 * chain.scale / left)
-        # Far away the posture wish keeps the arm off its limits; near by only the tip counts.
+        # Far away the preferred posture keeps the arm off its limits; near by only the tip counts.
         ease = 0.05 if left > 1e-3 * chain.scale else 0.0
-        drift = ease * (_wish(chain, options) - full[chain.joints])
+        drift = ease * (_preferred(chain, options) - full[chain.joints])
         held = _move(chain, full, J, e, drift, options)
     return best[0], best[1], _names(chain, best[2])
 
@@ -188,7 +188,7 @@ def follow(chain: Chain, full: Floats, path: Floats, options: Options) -> Track:
         options: the loop.
     """
     full = full.copy()
-    wish = _wish(chain, options)
+    preferred = _preferred(chain, options)
     arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     rows, held, clearance = [], np.zeros(len(chain.joints), bool), np.inf
     lost = False
@@ -197,7 +197,7 @@ def follow(chain: Chain, full: Floats, path: Floats, options: Options) -> Track:
         if i > 0:
             feed = path[i] - path[i - 1]
             e = feed + options.gain * options.dt * (path[i - 1] - position)
-            drift = options.pull * options.dt * (wish - full[chain.joints])
+            drift = options.pull * options.dt * (preferred - full[chain.joints])
             held = _move(chain, full, J, e, drift, options, options.port)
             for _ in range(options.corrections):
                 position, J = place(chain, full)
@@ -228,7 +228,7 @@ def follow(chain: Chain, full: Floats, path: Floats, options: Options) -> Track:
     )  # fmt: skip
 
 
-def _wish(chain: Chain, options: Options) -> Floats:
+def _preferred(chain: Chain, options: Options) -> Floats:
     """Returns the posture (k,) that the null space is spent on."""
     middle = 0.5 * (chain.lower + chain.upper)
     return middle if options.posture is None else options.posture
@@ -239,11 +239,11 @@ def _move(
     full: Floats,
     J: Floats,
     e: Floats,
-    wish: Floats,
+    preferred: Floats,
     options: Options,
     port: Port | None = None,
 ) -> Flags:
-    """Moves `full` by one limited step; what the path leaves free serves the port, then `wish`.
+    """Moves `full` by one limited step; the null space serves the port, then `preferred`.
 
     Returns the joints held at a limit (k,).
     """
@@ -253,16 +253,16 @@ def _move(
         if len(off):
             inverse = damped_right_inverse(J, floor, most)[0]
             spare = np.eye(J.shape[1]) - inverse @ J
-            taken = inverse @ e + spare @ wish
+            taken = inverse @ e + spare @ preferred
             pull = damped_right_inverse(rows @ spare, floor, most)[0]
             turn = pull @ (-0.2 * off - rows @ taken)
-            # A body far off the port comes in by and by: a long step would lose the path.
-            wish = wish + turn * min(
+            # A body far off the port comes in gradually: a long step would lose the path.
+            preferred = preferred + turn * min(
                 1.0, options.port_rate * options.dt / max(float(np.max(np.abs(turn))), 1e-12)
             )
     at = full[chain.joints]
     below, above = np.minimum(chain.lower - at, 0.0), np.maximum(chain.upper - at, 0.0)
-    step = limited_step(J, e, wish, below, above, floor, most)
+    step = limited_step(J, e, preferred, below, above, floor, most)
     full[chain.joints] = at + step.joints
     return step.held
 

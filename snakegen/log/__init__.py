@@ -2,7 +2,7 @@
 
     write(recording, path)      one .rrd that opens ready to read
     read(path) -> Recording     everything back, bit for bit
-    inspect(path)               metrics and verdict worked out again from the samples
+    inspect(path)               metrics and verdict computed again from the samples
     snapshot(path, png)         the picture of a log, as the viewer draws it
     view(path)                  rerun's viewer, on 127.0.0.1 alone
     compare(path_a, path_b)     two runs' metrics side by side

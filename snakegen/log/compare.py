@@ -1,4 +1,4 @@
-"""Metrics worked out again from a log alone, and two runs side by side."""
+"""Metrics computed again from a log alone, and two runs side by side."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Inspection:
     """What a log says, and what its samples say."""
 
     recording: Recording
-    metrics: dict[str, Any]  # worked out from the samples in the log
+    metrics: dict[str, Any]  # computed from the samples in the log
     verdict: Verdict | None  # of these metrics, by the thresholds in the log
     differing: tuple[str, ...]  # metrics that the log states otherwise: none in an honest log
 
@@ -116,7 +116,7 @@ def _inspection(recording: Recording) -> Inspection:
 
 
 def compare(path_a: str | Path, path_b: str | Path) -> tuple[Row, ...]:
-    """Returns the metrics of two logs side by side, worked out from their samples.
+    """Returns the metrics of two logs side by side, computed from their samples.
 
     Raises:
         LogError: as `read`.
@@ -138,17 +138,17 @@ def comparison(path_a: str | Path, path_b: str | Path) -> Comparison:
 
 
 def _head(path: str | Path, found: Inspection) -> Head:
-    told = found.recording.meta
-    options = ", ".join(f"{k}={v}" for k, v in (told.get("options") or {}).items())
+    meta = found.recording.meta
+    options = ", ".join(f"{k}={v}" for k, v in (meta.get("options") or {}).items())
     return Head(
         file=str(path),
-        robot=told.get("robot"),
-        mission=told.get("mission"),
-        seed=told.get("seed"),
-        mode=told.get("mode"),
-        gains=told.get("gains"),
-        allocator=told.get("allocator"),
-        ideal=told.get("ideal"),
+        robot=meta.get("robot"),
+        mission=meta.get("mission"),
+        seed=meta.get("seed"),
+        mode=meta.get("mode"),
+        gains=meta.get("gains"),
+        allocator=meta.get("allocator"),
+        ideal=meta.get("ideal"),
         options=options or None,
         verdict=_brief(found.verdict),
     )

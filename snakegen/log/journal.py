@@ -1,6 +1,6 @@
 """The journal of a flight: what was flown so far, readable whenever the process is killed.
 
-A file ``.NAME.journal`` beside the log that will be written. Each block is a recording as
+A file ``.NAME.journal`` next to the log that will be written. Each block is a recording as
 `store.encode` makes it, with its length and SHA-256; a block that is cut short ends the journal.
 The log is written once the flight is over, and the journal removed.
 """

@@ -1,4 +1,4 @@
-"""The blueprint: a log opens with the robot in view, the curves beside it, the verdict below."""
+"""The blueprint: a log opens with the robot in view, the curves next to it, the verdict below."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Poses and joint states of an MCAP recording, as columns to compare a log with.
 
-Messages are told by their fields, whatever their type is called, in JSON or in ROS 2's CDR:
+Messages are recognised by their fields, whatever their type is called, in JSON or in ROS 2's CDR:
 
 - joints: ``name`` and ``position`` (sensor_msgs/JointState);
 - a pose: ``pose`` with ``position`` and ``orientation`` (geometry_msgs/PoseStamped,

@@ -30,7 +30,7 @@ SHOWN = (
 
 
 def draw(recording: Recording, png: Path, at: float, size: tuple[int, int]) -> None:
-    """Draws the robot at `at` seconds beside the run's main curves.
+    """Draws the robot at `at` seconds next to the run's main curves.
 
     Raises:
         LogError: `png` cannot be written.
@@ -136,7 +136,7 @@ def _draw_links(axes: Any, recording: Recording, view: Scene, frame: int) -> lis
 
 
 def _draw_group(axes: Any, shown: list[plots.Series], at: float) -> None:
-    """Draws curves of one meaning, their names beside them; what was asked is dim and thin."""
+    """Draws curves of one meaning, their names next to them; what was asked is dim and thin."""
     first, units = 0, {s.unit for s in shown}
     for s in shown:
         start = 0 if s.asked else first

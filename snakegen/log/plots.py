@@ -60,7 +60,7 @@ def folder(group: str) -> str:
 
 
 def series(recording: Recording) -> list[Series]:
-    """Returns what is plotted; errors are worked out here, a command joins what it commands."""
+    """Returns what is plotted; errors are computed here, a command joins what it commands."""
     out = []
     if {"position", "position_target"} <= recording.channels.keys():
         time, error = recording.times("position"), _kept(recording, "position")

@@ -19,7 +19,7 @@ from snakegen.errors import LogError
 
 Floats = NDArray[np.float64]
 Poses = tuple[Floats, Floats]  # rotations (T, 3, 3), positions (T, 3)
-_ROWS = 2048  # instants worked out together
+_ROWS = 2048  # instants computed together
 
 
 @dataclass(frozen=True)

@@ -149,9 +149,9 @@ def _checks(recording: Recording) -> list[Lane]:
         marks += [(at.to_s, "ok")] if at.from_s < at.to_s < end else []
         out.append(Lane(check.metric, tuple(t for t, _ in marks), tuple(s for _, s in marks)))
     window = recording.meta.get("metrics_window_s") or [start, end]
-    said = "passed" if judged.passed else "failed"
+    verdict = "passed" if judged.passed else "failed"
     times = (start, float(window[0]), float(window[1]))
-    marks = list(zip(times, ("not judged", "judged", said), strict=True))
+    marks = list(zip(times, ("not judged", "judged", verdict), strict=True))
     kept = [m for k, m in enumerate(marks) if k == 2 or m[0] < marks[k + 1][0]]
     return [Lane("verdict", tuple(t for t, _ in kept), tuple(s for _, s in kept)), *out]
 

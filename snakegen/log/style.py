@@ -21,7 +21,7 @@ PLOT_BYTES = 1.5e6  # what all plotted samples together may take
 _ROWS = 16_384  # looked at together
 SCREEN = 1000  # points across; fewer are all drawn
 
-# Okabe & Ito's set, brightened for a dark ground; told apart by colour-blind eyes.
+# Okabe & Ito's set, brightened for a dark ground; distinguished by colour-blind eyes.
 PALETTE = (
     (86, 180, 233),
     (240, 168, 40),

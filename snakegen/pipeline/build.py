@@ -1,6 +1,6 @@
 """`build`: from a spec to a folder with URDF, MJCF, scene, meshes, picture and the proof.
 
-The folder changes whole or not at all: everything is made beside it and renamed.
+The folder changes whole or not at all: everything is made next to it and renamed.
 """
 
 import re

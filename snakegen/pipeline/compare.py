@@ -92,9 +92,9 @@ def compare(
     ]
     tilt = rotation_angle(_tilt(offset))
     if False in (first.floating, second.floating) and tilt > tolerance:
-        said = f"turned by {tilt:.6g} rad against gravity"
-        text = f"attitude of the base: {said} in {called[1]}"
-        found.append(PartDifference("base", "base", "attitude", "as here", said, tilt, text))
+        text_there = f"turned by {tilt:.6g} rad against gravity"
+        text = f"attitude of the base: {text_there} in {called[1]}"
+        found.append(PartDifference("base", "base", "attitude", "as here", text_there, tilt, text))
     found.sort(key=lambda d: (-d.error, d.kind, d.name, d.quantity))
     return RobotComparison(
         not found,

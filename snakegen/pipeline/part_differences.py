@@ -133,8 +133,8 @@ class Comparison:
         one, other = _vector(a[:3, 3], "m"), _vector(b[:3, 3], "m")
         yield self._differ("link", name, "position", one, other, gap / self.size)
         angle = rotation_angle(a[:3, :3].T @ b[:3, :3])
-        said = f"turned by {angle:.6g} rad"
-        yield self._differ("link", name, "attitude", "as here", said, angle)
+        text_there = f"turned by {angle:.6g} rad"
+        yield self._differ("link", name, "attitude", "as here", text_there, angle)
 
     def _joint(self, name: str, a: JointPart, b: JointPart) -> Iterator[PartDifference]:
         if a.kind != b.kind:

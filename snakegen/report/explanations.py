@@ -153,14 +153,14 @@ def explain(analysis: str, label: str) -> tuple[str, str] | None:
 def explained(analysis: str, rows: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
     """Returns `rows` with each sentence after the first row, and what continues it, it explains."""
     out: list[tuple[str, str]] = []
-    said: set[str] = set()
+    explained: set[str] = set()
     waiting: list[tuple[str, str]] = []
     for label, text in rows:
         if label.strip():
             out, waiting = out + waiting, []
         out.append((label, text))
         found = explain(analysis, label)
-        if found is not None and found[0] not in said:
-            said.add(found[0])
+        if found is not None and found[0] not in explained:
+            explained.add(found[0])
             waiting = [("", f"? {found[0]} ({found[1]})")]
     return out + waiting

@@ -122,7 +122,7 @@ def heading(page: Page) -> str:
 
 
 def write_markdown(page: Page, path: Path) -> None:
-    """Writes the page as Markdown, its plots as PNG files beside it; all of them or none.
+    """Writes the page as Markdown, its plots as PNG files next to it; all of them or none.
 
     Raises:
         SnakegenError: no Markdown suffix, or the folder cannot be made or written.
@@ -155,10 +155,10 @@ def _markdown(page: Page, path: Path, pictures: dict[str, list[Path]]) -> list[s
     file = f"{file_stem(robot.name)}.png"
     if (path.parent / file).is_file():
         lines += ["", f"![{robot.name}]({file})"]
-    said = answers(page)
-    if said:
+    answered = answers(page)
+    if answered:
         lines += ["", "| | |", "|---|---|"]
-        lines += [f"| {_cell(question)} | {_cell(tidy(text))} |" for question, text in said]
+        lines += [f"| {_cell(question)} | {_cell(tidy(text))} |" for question, text in answered]
     for name, result in page.results.items():
         lines += ["", f"## {name}", "", about[name].help, "", "| | |", "|---|---|"]
         lines += [f"| {_cell(label)} | {_cell(tidy(text))} |" for label, text in result.rows()]

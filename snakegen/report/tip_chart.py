@@ -1,4 +1,4 @@
-"""Picture of the forces and torques that a tip can bear: two polytopes in space."""
+"""Picture of the forces and torques that a tip can carry: two polytopes in space."""
 
 from collections.abc import Sequence
 from pathlib import Path

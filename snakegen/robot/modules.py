@@ -116,7 +116,7 @@ class Cables:
 
 @dataclass(frozen=True)
 class Modules:
-    """Everything that analyses, plant and controller need beside the URDF proper."""
+    """Everything that analyses, plant and controller need besides the URDF proper."""
 
     floating: bool = True
     lengths: dict[str, float] = field(default_factory=dict)  # m, by link name

@@ -1,4 +1,4 @@
-"""The modules file: what a URDF of someone else carries, said in YAML beside it."""
+"""The modules file: what a URDF of someone else carries, in a YAML file next to it."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import replace

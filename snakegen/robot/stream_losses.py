@@ -16,7 +16,7 @@ from snakegen.kernels.core.types import Rotors
 from snakegen.robot.modules import Modules, Rotor
 from snakegen.robot.rotor_streams import kept_in_streams
 
-LEAST = 0.01  # of a rotor's thrust: a smaller loss is none
+LEAST = 0.01  # of a rotor's thrust: a smaller loss counts as none
 _DIGITS = 4  # of η, so that descriptions do not depend on a processor's last bit
 
 

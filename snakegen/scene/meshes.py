@@ -37,7 +37,7 @@ def triangle_mesh(path: Path, scale: float, where: str) -> tuple[Floats, Any]:
         _, counts = np.unique(edges, axis=0, return_counts=True)
         raise SceneError(
             f"{where}: {path.name} is not closed: {int(np.sum(counts != 2))} of {len(counts)} "
-            "edges do not join two triangles; what is inside cannot be told."
+            "edges do not join two triangles; what is inside is not defined."
         )
     return scale * np.array(mesh.vertices, float), np.array(mesh.faces, np.int64)
 

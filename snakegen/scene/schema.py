@@ -53,7 +53,7 @@ class Demands:
     Attributes:
         clearance: m, least distance of the body from obstacles.
         force_margin, torque_margin: N, N·m (THEORY A4, virtual single rotors).
-        joint_rate: rad/s, of joints, beside their own limits.
+        joint_rate: rad/s, of joints, in addition to their own limits.
         gimbal_rate: rad/s, of gimbals at hover away from vertical links, beside half their limits.
         thrust_rate: N/s, of an apparatus' thrust at hover.
         cog_speed: m/s.

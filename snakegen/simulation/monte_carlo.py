@@ -48,8 +48,8 @@ class Spread:
     """Half ranges of uniform draws, relative unless a unit is given: `plant.uncertainty`."""
 
     mass: float = 0.05  # each body's, its inertia with it
-    inertia: float = 0.10  # each body's, beside its mass
-    thrust: float = 0.05  # all rotors' together, beside the plant's mismatch of each
+    inertia: float = 0.10  # each body's, in addition to its mass
+    thrust: float = 0.05  # all rotors' together, in addition to the plant's mismatch of each
     lag: float = 0.30  # all motors'
     delay: float = 0.010  # s, added: 0 … this
     noise: float = 0.50  # all sensors'
@@ -188,8 +188,8 @@ def fly_again(
     spread = spread or Spread.of(ready.robot.modules.uncertainty)
     changed, imperfections, drawn = perturbed(world, ready.imperfections, spread, rng)
     recording = ready.flown(changed, imperfections, rng, seed)
-    told = replace(recording, meta=recording.meta | {"trial": number, "drawn": drawn})
-    return replace(told, report=flight_report(told))
+    labelled = replace(recording, meta=recording.meta | {"trial": number, "drawn": drawn})
+    return replace(labelled, report=flight_report(labelled))
 
 
 def _trial(

@@ -61,7 +61,9 @@ class Control(Part):
     @model_validator(mode="after")
     def _known(self) -> "Control":
         if self.gains not in self.gain_sets:
-            raise ValueError(f"gains: '{self.gains}' is none of {list(self.gain_sets)}")
+            raise ValueError(
+                f"gains must be one of {', '.join(self.gain_sets)} (got '{self.gains}')"
+            )
         half = 0.5 * self.attitude_rate
         if self.rate_filter is not None and not self.rate_filter < half:
             raise ValueError(

@@ -134,8 +134,8 @@ class ScrewDrive(Part):
     velocity: Positive = Field(10.0, description="rad/s, of a screw's motor")
     gain: Positive = Field(10.0, description="N·m·s/rad, of its rate servo")
     armature: NonNegative = Field(0.02, description="kg·m², of motor and gear")
-    alpha: list[Real] | None = Field(None, description="rad, signed; worked out by `build`")
-    wheels: list[Wheels] | None = Field(None, description="worked out by `build`")
+    alpha: list[Real] | None = Field(None, description="rad, signed; computed by `build`")
+    wheels: list[Wheels] | None = Field(None, description="computed by `build`")
 
     def signs(self, count: int) -> list[int]:
         """Returns the sign of α of each of `count` drums: +1 left, -1 right."""
@@ -181,7 +181,7 @@ class Payload(Part):
         "from the sphere or the mesh if absent",
     )
     box_size: Diagonal | None = Field(
-        None, description="m, the box that stands for the mesh in contacts; around it if absent"
+        None, description="m, the box that represents the mesh in contacts; around it if absent"
     )
     box_centre: Vector | None = Field(None, description="m, of that box")
 

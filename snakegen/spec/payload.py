@@ -8,7 +8,7 @@ from snakegen.base.bounded_text import what_is_there
 
 Triple = tuple[float, float, float]
 
-FOLDER = "meshes"  # beside the URDF
+FOLDER = "meshes"  # next to the URDF
 MAX_BYTES = 10_000_084  # an STL of 200,000 triangles
 _TAKEN = ("ducted_fan", "joint_cross")  # names of meshes that a build draws itself
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
@@ -39,7 +39,7 @@ def locate(name: str, folder: Path) -> Path:
     outside = path.is_absolute() or "\\" in name or ":" in name or ".." in path.parts
     if outside or not (here / path).resolve().is_relative_to(here):
         raise ValueError(
-            f"payload.mesh: '{name}' is outside the spec's folder; put the file beside the spec "
+            f"payload.mesh: '{name}' is outside the spec's folder; put the file next to the spec "
             f"and write '{re.split(r'[/:]', name.replace(chr(92), '/'))[-1]}'"
         )
     if path.suffix.lower() not in (".stl", ".obj"):

@@ -24,7 +24,7 @@ class Uncertainty(Part):
     """
 
     mass: Share = Field(0.05, description="of each body's mass, its inertia with it")
-    inertia: Share = Field(0.10, description="of each body's inertia, beside its mass")
+    inertia: Share = Field(0.10, description="of each body's inertia, in addition to its mass")
     thrust: Share = Field(0.05, description="of all rotors' thrust together")
     lag: Share = Field(0.30, description="of all motors' lag")
     delay: NonNegative = Field(0.010, description="s, added to the delay: 0 … this")

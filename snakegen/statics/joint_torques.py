@@ -78,7 +78,7 @@ def joint_torques(
         PostureError: q has the wrong size or holds NaN.
     """
     if terms not in dynamics.DEPTHS:
-        raise AnalysisError(f"terms: '{terms}' is none of {', '.join(dynamics.DEPTHS)}.")
+        raise AnalysisError(f"terms must be one of {', '.join(dynamics.DEPTHS)} (got '{terms}').")
     rows = torque_terms(robot, q, v, a, wrenches=wrenches, gravity=gravity, thrust=thrust)
     return np.asarray(rows[list(dynamics.DEPTHS[terms])].sum(axis=0))
 

@@ -104,10 +104,10 @@ def _share(thrust: ThrustMap, load: Floats, forces: Floats) -> float:
 
 
 def borne_at_tip(robot: Robot, q: Floats, load_at: LoadAt, pull: Floats) -> Relieved:
-    """Returns a force at the tip that is borne with gimbals along the forces that bear it.
+    """Returns a force at the tip that is borne with gimbals along the forces that hold it.
 
     The best of a few rounds, each checked in its own posture, or else the largest of some shares of
-    what they suppose that a relieving posture bears; nan where none bears any.
+    what they suppose that a relieving posture can hold; nan where none holds any.
 
     Args:
         robot, q, load_at: as of `relieved_posture`.

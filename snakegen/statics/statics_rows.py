@@ -24,8 +24,8 @@ def joint_rows(
     return out
 
 
-def bears(radius: float, unit: str, joint: str, free: Floats) -> str:
-    """Returns what the tip bears in every direction, and along what no joint feels a thing."""
+def capacity_text(radius: float, unit: str, joint: str, free: Floats) -> str:
+    """Returns the capacity in every direction, and the directions that load no joint."""
     out = f"{radius:.4g} {unit} in every direction" + (f" (limit: {joint})" if joint else "")
     if np.isinf(radius):
         return f"any {'force' if unit == 'N' else 'torque'}: no joint feels it"

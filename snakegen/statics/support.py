@@ -70,7 +70,7 @@ def support(
     if thrust is not None:
         return Support("thrust", rotor_wrenches(robot, q, thrust), np.zeros((0, 3)))
     if hold not in ("auto", "base", "hover"):
-        raise AnalysisError(f"hold: '{hold}' is none of auto, base, hover.")
+        raise AnalysisError(f"hold must be auto, base or hover (got '{hold}').")
     if hold == "base" or (hold == "auto" and not (robot.floating and count)):
         return Support("base", np.zeros((bodies, 6)), np.zeros((0, 3)))
     if count == 0 or not robot.floating:

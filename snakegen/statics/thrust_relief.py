@@ -74,7 +74,7 @@ def least_use(thrust: ThrustMap, load: Floats, slack: Floats | float = 0.0) -> R
 
     Args:
         thrust: from `thrust_map`.
-        load: (k,) N·m that the joints bear without thrust.
+        load: (k,) N·m that the joints carry without thrust.
         slack: (k,) N·m, by which the load may differ, for a bound of all such loads.
     """
     size = thrust.relief.shape[1]
@@ -127,14 +127,14 @@ def _least_forces(thrust: ThrustMap, share: Floats, wanted: Floats, forces: Floa
 
 
 def tip_force(thrust: ThrustMap, load: Floats, pull: Floats, close: float = _CLOSE) -> Relieved:
-    """Returns a force at the tip along a direction that thrust and servos bear: nearly the largest.
+    """Returns nearly the largest force at the tip, along a direction, that thrust and servos hold.
 
     ``max s`` with ``|load - s Jᵀ_tip u - Jᵀ f| ≤ τ_max``. A value of nan: not even s = 0. Servos
     keep what forces lose where they are drawn back into their balls; `tip_bound` has the bound.
 
     Args:
         thrust: from `thrust_map`.
-        load: (k,) N·m that the joints bear without thrust and tip force.
+        load: (k,) N·m that the joints carry without thrust and tip force.
         pull: (k,) N·m per newton at the tip along the direction: ``Jᵀ_tip u``.
         close: share of a thrust limit by which the outer program may exceed it.
     """

@@ -50,7 +50,7 @@ class TipPose:
 
 @dataclass(frozen=True)
 class TipLoad:
-    """Loads at the tip within the servo limits, beside what the joints bear already.
+    """Loads at the tip within the servo limits, in addition to what the joints carry already.
 
     Attributes:
         force_radius: N, the force that can be borne in **every** direction.
@@ -217,13 +217,13 @@ def tip_load(
     *,
     direction: ArrayLike = (0.0, 0.0, -1.0),
 ) -> TipLoad:
-    """Returns what the tip can bear beside `torque`, the base held.
+    """Returns what the tip can carry in addition to `torque`, the base held.
 
     Args:
         robot: any robot; a floating one is taken as held at its root.
         q: (nq,) posture.
         tip: from `find_tip`.
-        torque: (n,) N·m, what the joints bear already.
+        torque: (n,) N·m, what the joints carry already.
         limit: (n,) N·m, servo limits.
         direction: (3,) of the payload's pull.
 
@@ -232,7 +232,7 @@ def tip_load(
     """
     u = finite(direction, (3,), "direction")
     if not np.linalg.norm(u) > 0:
-        raise AnalysisError("direction: [0, 0, 0] is none; write [0, 0, -1] for a weight.")
+        raise AnalysisError("direction must not be zero; use [0, 0, -1] for a downward load.")
     pose = tip_pose(robot, q, tip)
     linear, angular = pose.jacobian[:3], pose.jacobian[3:]
     radius, joint, worst = tip_polytope.inscribed(linear, torque, limit)

@@ -2,7 +2,7 @@
 
 Chain joints stand still. Turning a gimbal moves its thrust line, and the mass that it carries: the
 centre of gravity and the joints' torques against gravity go with it. Many settings of thrusts and
-gimbals are worked out at once, so that derivatives are differences of one call.
+gimbals are computed at once, so that derivatives are differences of one call.
 """
 
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Sweeps as Parquet that survive interruptions: parts beside the file, joined when all are there.
+"""Sweeps as Parquet that survive interruptions: parts next to the file, joined when all are there.
 
 Every part carries the digest of the sweep that it belongs to, its first row, its row count and
 page checksums, all checked before it is kept or joined. Parts and the file are brought to the

@@ -59,7 +59,7 @@ def refine(body: Body, table: pa.Table, column: str, rounds: int = 40) -> Worst:
     nothing improves; all candidates of a round are evaluated in one batch. The best goes on down
     its margin's exact derivative, as long as certified margins fall. A posture whose hover is out
     of reach is worse than any margin, by how far it is out of reach. Where a margin did not
-    close its upper bound counts: a lower bound that was not worked out must not look like the
+    close its upper bound counts: a lower bound that was not computed must not look like the
     worst posture. What it returns is a certified margin of a real posture, not a proof that no
     posture is worse.
 

@@ -52,8 +52,8 @@ def write_robot_page(page: Page, path: Path, folder: Path | None, command: str) 
     check_writable(path)
     robot, about = page.robot, catalogue()
     charts = robot_charts(page)
-    said = [(question, tidy(text)) for question, text in answers(page)]
-    sections = [section("in short", "", said, [])] if said else []
+    answered = [(question, tidy(text)) for question, text in answers(page)]
+    sections = [section("in short", "", answered, [])] if answered else []
     for name, result in page.results.items():
         rows = [(label, tidy(text)) for label, text in result.rows()]
         sections.append(section(name, about[name].help, rows, charts.get(name, [])))
@@ -120,15 +120,15 @@ def write_flight_page(
         "obstacles": boxes(meta.get("obstacles") or []),
     }
     checks = [] if verdict is None else [(c.line(), c.passed) for c in verdict.checks]
-    said = "no verdict" if verdict is None else f"verdict: {verdict.summary()}"
-    sections = [verdict_section(said, checks)]
+    summary = "no verdict" if verdict is None else f"verdict: {verdict.summary()}"
+    sections = [verdict_section(summary, checks)]
     metrics = [(_worded(k), _short(v)) for k, v in recording.metrics.items()]
     sections.append(section("metrics", "Computed from the samples.", metrics, []))
     sections.append(section("channels", "Every signal of the log.", [], flight_charts(recording)))
     about = ", ".join(f"{k} {meta[k]}" for k in ("mission", "mode", "seed") if k in meta)
     start = robot.configuration()
     text = fill_document(
-        str(meta.get("robot", robot.name)), f"{about}; {said}", sections, data,
+        str(meta.get("robot", robot.name)), f"{about}; {summary}", sections, data,
         _still(robot, start), command, robot.urdf_hash,
     )  # fmt: skip
     write_atomically(path, text)

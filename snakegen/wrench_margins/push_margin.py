@@ -28,7 +28,7 @@ class PushMargin:
             N·m about the CoG, root-link axes; nan where the margin is 0 or nan.
         at_limit: names of the rotors, apparatuses or joints at their limit there.
         followed: size of the weakest push at its limit when gimbals turn to the forces that they
-            carry, thrust points and centre of gravity with them; None where not worked out.
+            carry, thrust points and centre of gravity with them; None where not computed.
     """
 
     value: float
@@ -43,7 +43,7 @@ class PushMargin:
         return self.value if self.followed is None else self.followed
 
     def to_json(self) -> dict[str, Any]:
-        """Returns plain data; `followed` where it was worked out."""
+        """Returns plain data; `followed` where it was computed."""
         out = asdict(self)
         return out if self.followed is not None else {k: out[k] for k in out if k != "followed"}
 

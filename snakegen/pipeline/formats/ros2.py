@@ -102,10 +102,10 @@ def write_package(
     base = robot.root_link or root.find("link").get("name")  # type: ignore[union-attr]
     size = max(3.0 * robot.link_length, 1.0)
     fill("ros2/display.rviz", folder / "rviz" / f"{name}.rviz", root=base, distance=f"{size:.2f}")
-    said = "; ".join(lost) or "nothing that URDF could say"
+    text_there = "; ".join(lost) or "nothing that URDF could say"
     fill(
         "ros2/README.md", folder / "README.md", package=package, about=about, name=name,
-        version=__version__, rows=rows, lost=said,
+        version=__version__, rows=rows, lost=text_there,
     )  # fmt: skip
     return lost
 

@@ -31,7 +31,7 @@ class Moved:
         rates, accelerations: (T, k) rad/s and rad/s² of the chain's joints; Δq̇/Δt of the step.
         torque: (T, k) N·m that the servos gave over the step.
         friction: (T, k) N·m that dry friction gave over the step.
-        deflection: (T, k) rad, what the servos are commanded, lead and all, beside the angle.
+        deflection: (T, k) rad, what the servos are commanded, lead included, minus the angle.
         inverse: (T, k) N·m of MuJoCo's inverse dynamics of the motion asked for.
         contacts: (T,) how many contacts there were.
         stopped: "" or why the run ended early.
@@ -105,7 +105,7 @@ def move(
         MissionError: a lead that is not known, a chain joint without a servo.
     """
     if lead not in LEADS:
-        raise MissionError(f"lead: '{lead}' is none of {', '.join(LEADS)}.")
+        raise MissionError(f"lead must be one of {', '.join(LEADS)} (got '{lead}').")
     model, friction = plant.world(world).model, plant.friction
     data = mujoco.MjData(model)
     model.opt.gravity[:] = gravity

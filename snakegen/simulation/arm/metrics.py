@@ -23,7 +23,7 @@ def arm_metrics(recording: Recording) -> dict[str, Any]:
     servo = recording.channel("joint_torque").values
     rubbed = servo + recording.channel("joint_friction").values
     peak = np.maximum(np.abs(law).max(axis=0), 1e-12)
-    peak = np.where(peak > 1e-9 * peak.max(), peak, np.inf)  # a joint that bears nothing
+    peak = np.where(peak > 1e-9 * peak.max(), peak, np.inf)  # an unloaded joint
     ways = {
         "torque_gap_share": rubbed - law,
         "made_gap_share": rubbed - recording.channel("joint_torque_made").values,

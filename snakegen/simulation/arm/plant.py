@@ -21,7 +21,7 @@ from snakegen.simulation.flight.world import World
 from snakegen.simulation.monte_carlo import Spread
 from snakegen.statics.tip import Tip
 
-ROWS = 50  # instants of a motion at which the expected error is worked out
+ROWS = 50  # instants of a motion at which the expected error is computed
 _UNIFORM = 3.0**-0.5  # standard deviation of a uniform draw over its half range; its RMS from 0
 
 

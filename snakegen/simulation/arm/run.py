@@ -66,7 +66,7 @@ class ArmOptions:
 
     Attributes:
         gravity: m/s², world
-        lead: what servos get beside the angle: none, speed, or law (speed and torque)
+        lead: what servos get in addition to the angle: none, speed, or law (speed and torque)
         friction: static,sliding of every joint in N·m, as in 0.1,0.06; else the servos' own
     """
 
@@ -77,7 +77,7 @@ class ArmOptions:
 
 @dataclass(frozen=True, eq=False)
 class ArmGoal:
-    """What a mission asks of an arm beside its motion.
+    """What a mission asks of an arm in addition to its motion.
 
     Attributes:
         tip: the point whose place is logged; the last link's end if absent.
@@ -116,7 +116,7 @@ def run_arm(
         goal: what the mission asks of the tip and of the verdict.
 
     Raises:
-        MissionError: options that are none.
+        MissionError: invalid options.
         SnakegenError: as `torques_along`.
     """
     goal, ideal = goal or ArmGoal(), settings.ideal

@@ -33,7 +33,7 @@ class ArmSpread:
     """Half ranges of uniform draws, relative unless a unit is given."""
 
     mass: float = 0.05  # each body's, its inertia with it
-    inertia: float = 0.10  # each body's, beside its mass
+    inertia: float = 0.10  # each body's, in addition to its mass
     friction: float = Spread.friction  # of each joint: 0 … this share of its servo's torque, added
     stiffness: float = 0.10  # of each servo (assumed)
     offset_rad: float = 0.00175  # standard deviation of each joint sensor (plant.joint_noise)

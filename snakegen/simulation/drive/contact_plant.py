@@ -206,7 +206,7 @@ def unit_contacts(drive: ContactDrive) -> UnitContacts:
         spin, velocity = data.cvel[body, :3], data.cvel[body, 3:]
         arm = contact.pos - data.subtree_com[model.body_rootid[body]]
         frame = contact.frame.reshape(3, 3)
-        # a contact's frame points from its first geom to its second, which bears the force
+        # a contact's frame points from its first geom to its second, which receives the force
         on_second = model.geom_bodyid[contact.geom[1]] == body
         total[unit] += (1.0 if on_second else -1.0) * (force[:3] @ frame)
         point[unit] += force[0] * contact.pos

@@ -18,7 +18,7 @@ from snakegen.screw_drive.kinematics import ScrewGeometry
 from snakegen.simulation.drive.stance import Heights, Stance
 from snakegen.simulation.flight.plan import PEAK_RATE, quintic
 
-_SAMPLE = 0.02  # s, between the instants that are worked out
+_SAMPLE = 0.02  # s, between the instants that are computed
 _CURVE = 10.0 / np.sqrt(3.0)  # largest curvature of the quintic
 _SHORTEST = 0.2  # s, of a stage
 _ROOM = 0.01  # m, kept between a drum on the ground and an edge
@@ -91,7 +91,7 @@ class Gait:
         return np.asarray(w(t)), np.asarray(w(t, 1))
 
     def lift(self, t: float) -> tuple[Floats, Floats]:
-        """Returns pitch joints, and what yaw joints need beside the shape, (m − 1,) [rad] each."""
+        """Returns pitch joints, and what is added to yaw joints, (m − 1,) [rad] each."""
         both = np.asarray(self._splines[1](min(t, self.duration)))
         return both[: len(both) // 2], both[len(both) // 2 :]
 

@@ -21,7 +21,7 @@ _NOISES = ("position_noise", "attitude_bias", "attitude_noise", "joint_noise")
 
 @dataclass(frozen=True)
 class DriveDraw:
-    """What a trial draws beside what every run draws: factors, s of delay, another body.
+    """What a trial draws in addition to what every run draws: factors, s of delay, another body.
 
     `mass` and `inertia` (half ranges) and `drums` (standard deviation) are what the run draws
     within, in place of the robot's own; None: its own.

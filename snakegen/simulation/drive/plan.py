@@ -67,9 +67,9 @@ class DrivePlan:
         duration: s.
         gain: K [1/s], one or (m + 2,).
         feedback: whether the state is fed back.
-        integral: 1/s, of the integral of the head's error beside the error: the rate servos of
+        integral: 1/s, of the integral of the head's error, added to the error: the rate servos of
             screws slip back under load; a drive that holds its place corrects that.
-        lift: over time [s], pitch joint angles and what yaw joints turn beside the shape [rad];
+        lift: over time [s], pitch joint angles and what is added to yaw joints [rad];
             None: all at 0.
         compliance: pitch servos are softer by this factor, so that every drum finds the ground.
         load: gravity and a pull over time; the run ends when the drive lets go.

@@ -242,7 +242,7 @@ def configurations(robot: Robot, base: Floats, joints: Floats) -> Floats:
 
 
 def _meta(robot: Robot, names: _Names, meta: dict[str, Any]) -> dict[str, Any]:
-    """Returns what the log says about the run beside its signals."""
+    """Returns what the log says about the run in addition to its signals."""
     efforts = robot.limits(names.joints)[2]
     softer = dict.fromkeys(pitch_joints(robot), float(meta["compliance"]))
     return {

@@ -47,8 +47,8 @@ class Heights:
         """
         from scipy.optimize import nnls
 
-        wish = np.concatenate([self.weight * least, np.zeros(len(self.cost) - len(least))])
-        free = self.inverse @ wish
+        least_load = np.concatenate([self.weight * least, np.zeros(len(self.cost) - len(least))])
+        free = self.inverse @ least_load
         _, r = np.linalg.qr(self.cost)
         G = np.linalg.solve(r.T, self.rows.T).T  # in y = r (z − free): G y ≥ h, min |y|
         h = least - self.rows @ free

@@ -29,7 +29,7 @@ class DriveSpread:
     """Half ranges of uniform draws, relative unless a unit is given."""
 
     mass: float = Spread.mass  # each body's, its inertia with it
-    inertia: float = Spread.inertia  # each body's, beside its mass
+    inertia: float = Spread.inertia  # each body's, in addition to its mass
     ground: float = Spread.ground  # of the friction of wheels on the ground
     losses: float = Spread.losses  # of rolling and bearing friction, play, the cable's weight
     noise: float = Spread.noise  # all sensors'

@@ -94,7 +94,7 @@ def elastic_modes(model: mujoco.MjModel, qpos: Floats, dofs: Any) -> tuple[Float
     Args:
         model: of a robot on a free or fixed base.
         qpos: where it is at rest.
-        dofs: (e,) degrees of freedom that may move beside those of a free base; others are held.
+        dofs: (e,) degrees of freedom that may move, with those of a free base; others are held.
     """
     from scipy.linalg import eigh
 
@@ -147,7 +147,7 @@ def _split_inertia(link: ET.Element, tip: ET.Element, half: float) -> None:
 
 
 def _split_rod(link: ET.Element, tip: ET.Element, length: float) -> None:
-    """Cuts the collision cylinder that stands for the whole rod; other shapes stay."""
+    """Cuts the collision cylinder that represents the whole rod; other shapes stay."""
     for shape in link.findall("collision"):
         rod, origin = shape.find("geometry/cylinder"), shape.find("origin")
         if rod is None or origin is None or float(rod.get("length", 0.0)) < 0.99 * length:

@@ -1,4 +1,4 @@
-"""A fall: the floor bears the robot again after take-off."""
+"""A fall: the floor carries the robot again after take-off."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ FREE = 0.5  # s without contact, after which a start on the floor has taken off
 def fall(contact: Floats, dt: float, weight: float, *, on_floor: bool) -> int | None:
     """Returns the tick at which the robot fell to the floor, or None.
 
-    It fell where, averaged over the next 0.25 s, the floor bears half of the weight or more. A
+    It fell where, averaged over the next 0.25 s, the floor carries half of the weight or more. A
     touch in passing is less: 0.1 m/s of vertical speed lost are 4 % of it.
 
     Args:

@@ -27,7 +27,7 @@ from snakegen.simulation.flight.interrupt import noted
 from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections, Noise
 from snakegen.simulation.flight.reference_window import ReferenceWindow, RowWindow
-from snakegen.simulation.flight.trim import SETTLING, found, integral_rates, told
+from snakegen.simulation.flight.trim import SETTLING, integral_rates, integrator_state, trim_events
 from snakegen.simulation.flight.vibration import OFF, Damping, damper, retuned
 from snakegen.simulation.flight.world import World
 
@@ -94,7 +94,7 @@ def fly(
     events += [(float(plan.time[i]), "WARN", "σ_min below the threshold") for i in begun]
     empty = np.flatnonzero(run.rows.used[:k] >= 1.0)[:1]
     events += [(float(plan.time[i]), "WARN", "battery empty: the rotors stop") for i in empty]
-    events += told(plan, controller.law, run.trimmed)
+    events += trim_events(plan, controller.law, run.trimmed)
     return _flown(run, slice(taken, k), events, stopped)
 
 
@@ -180,7 +180,7 @@ class _Run:
         """Flies ticks `first` … `last` − 1; returns the next tick, why it stopped, and a level."""
         time, trim = self.plan.time, self.plan.trim
         if 0 < trim == first:
-            self.trimmed = found(self.controller.law, self.state)
+            self.trimmed = integrator_state(self.controller.law, self.state)
             law = self.controller.law
             self.controller = self.controller.with_law(
                 integral_rate=integral_rates(law, self.plan.settling)

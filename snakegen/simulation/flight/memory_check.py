@@ -1,4 +1,4 @@
-"""Whether a run's samples fit into memory, told before it is begun."""
+"""Whether a run's samples fit into memory, checked before it begins."""
 
 from snakegen.base.memory import refuse_beyond, room
 from snakegen.robot.robot import Robot

@@ -96,7 +96,7 @@ def wiring(world: World, plan: Plan) -> Wiring:
 def stations(world: World) -> tuple[np.ndarray, Floats, Floats, Floats]:
     """Returns body, place (s, 3), rod axis (s, 3) and side area (s,) [m²] of links' stations.
 
-    Each cylinder that stands for a link is met at three points, the middles of its thirds.
+    Each cylinder that represents a link is met at three points, the middles of its thirds.
     """
     model = world.model
     names = [n for link in world.robot.modules.lengths for n in (link, tip_name(link))]

@@ -54,8 +54,8 @@ class Plan:
         disturbance_link: name; the root link if empty.
         disturbance_at_cog: whether the wrench is about the CoG (carried by the link), not about
             the link's origin.
-        wind: (T, 3) m/s, world, beside the plant's own; None for none.
-        turbulence: m/s, standard deviation of the air's, beside the plant's own.
+        wind: (T, 3) m/s, world, in addition to the plant's own; None for none.
+        turbulence: m/s, standard deviation of the air's, in addition to the plant's own.
         failures: rotors lost on the way.
         obstacles: solids in the world.
         give_up: m, distance of the CoG from its target at which the run ends.
@@ -104,7 +104,7 @@ class Plan:
 
 
 def is_constant(rows: Floats) -> bool:
-    """Tells whether rows of a plan are one that stands for all."""
+    """Tells whether rows of a plan are one that represents all."""
     return len(rows) > 1 and rows.strides[0] == 0
 
 
@@ -197,7 +197,7 @@ def frame_targets(plan: Plan, axes: Floats) -> tuple[Floats, Floats]:
 def level(count: int) -> tuple[Floats, Floats]:
     """Returns attitude (T, 3, 3) and angular velocity (T, 3) of a CoG frame held level.
 
-    Both are read-only: one row that stands for all.
+    Both are read-only: one row that represents all.
     """
     return np.broadcast_to(np.eye(3), (count, 3, 3)), np.broadcast_to(0.0, (count, 3))
 
@@ -217,7 +217,7 @@ def holding(time: Floats, joints: ArrayLike, start: Floats, cog: ArrayLike, **mo
     """Returns a plan that holds one pose and posture; `more` are further fields of `Plan`.
 
     The attitude held is that of `start`; `joints` are (k,), or (T, k) where they move. What stays
-    is one row that stands for all.
+    is one row that represents all.
     """
     count, still = len(time), np.broadcast_to(0.0, (len(time), 3))
     rotation = np.broadcast_to(rotation_from_xyzw(start[3:7]), (count, 3, 3))

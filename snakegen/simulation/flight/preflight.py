@@ -215,7 +215,7 @@ def _check_rank(robot: Robot, controller: Controller, frame: CogFrame, command: 
 
 
 def _remedy(robot: Robot, controller: Controller, plan: Plan, frame: CogFrame) -> str:
-    """Returns what would hover where the controller does not, as far as it can be told."""
+    """Returns what would hover where the controller does not, as far as that is known."""
     works = []
     if not controller.law.constrained:
         other = controller.with_law(constrained=1)

@@ -91,7 +91,7 @@ class PreparedRun:
             rng: of noise and mismatch.
             seed: what the log names as such.
             progress: called with ticks flown and ticks in all.
-            margins: work out the margins along the run; they cost more than the rest of the log.
+            margins: compute the margins along the run; they cost more than the rest of the log.
             located: say of each check where it is at its worst.
             keep: called with the recording of each whole second, as soon as it is flown.
             folder: for the samples.
@@ -104,11 +104,11 @@ class PreparedRun:
         shares = hinges(world).noise if self.damping.gain > 0 else []
         servos = len(bounded_joints(self.robot))
         noise = NoiseStream(imperfections, rng, *sizes, rate=rate, hinges=shares, servos=servos)
-        told = self.meta | {"seed": seed, "plant": vars(imperfections)}
+        about = self.meta | {"seed": seed, "plant": vars(imperfections)}
         trim()  # what planning took
         windy = bool(np.any(noise.wind)) or (plan.wind is not None and bool(np.any(plan.wind)))
         recorder = Recorder(
-            world, plan, self.controller, SampleStore(folder), told,
+            world, plan, self.controller, SampleStore(folder), about,
             windy=windy, margins=margins, keep=keep,
         )  # fmt: skip
         with Behind(recorder.add, aside=keep is not None) as behind:
@@ -117,7 +117,7 @@ class PreparedRun:
         trim()
         window = plan.window or (0.0, float(plan.time[-1]))
         end = min(window[1], float(plan.time[recorder.done - 1]))
-        meta = told | {
+        meta = about | {
             "stopped": flown.stopped,
             "metrics_window_s": [min(window[0], end), end],
         }

@@ -57,7 +57,7 @@ def trimmed(plan: Plan, seconds: float) -> Plan:
     count = round(seconds / step)
 
     def held(rows: Any) -> Any:
-        if rows is None or rows.strides[0] == 0:  # one row that stands for all
+        if rows is None or rows.strides[0] == 0:  # one row that represents all
             return (
                 rows
                 if rows is None
@@ -131,7 +131,7 @@ def _settles(law: Law) -> NDArray[np.bool_]:
     return np.asarray(law.force[1, :2] >= law.force[0, :2] / QUICK)
 
 
-def found(law: Law, state: State) -> dict[str, Any]:
+def integrator_state(law: Law, state: State) -> dict[str, Any]:
     """Returns what the integrals hold, as accelerations, and which are at their clamps."""
     force, torque = law.force[1] * state.force_integral, law.torque[1] * state.torque_integral
     full = [
@@ -150,7 +150,7 @@ def found(law: Law, state: State) -> dict[str, Any]:
     }
 
 
-def told(plan: Plan, law: Law, held: dict[str, Any]) -> list[tuple[float, str, str]]:
+def trim_events(plan: Plan, law: Law, held: dict[str, Any]) -> list[tuple[float, str, str]]:
     """Returns the events of a run: when trimming began, and what it `held` when it ended."""
     if not plan.trim:
         return []
@@ -160,12 +160,12 @@ def told(plan: Plan, law: Law, held: dict[str, Any]) -> list[tuple[float, str, s
         begun += f": integrals run up to {most:.0f} times faster"
     out = [(float(plan.time[0]), "INFO", begun)]
     if held:
-        out.append((float(plan.time[plan.trim]), "INFO", f"trimmed: {said(held)}"))
+        out.append((float(plan.time[plan.trim]), "INFO", f"trimmed: {describe_trim(held)}"))
     return out
 
 
-def said(held: dict[str, Any]) -> str:
-    """Returns in words what `found` returned."""
+def describe_trim(held: dict[str, Any]) -> str:
+    """Returns in words what `integrator_state` returned."""
     force, torque = (
         " ".join(f"{v:.3f}" for v in held[k])
         for k in ("force_integral_m_s2", "torque_integral_rad_s2")

@@ -87,8 +87,8 @@ def informed_least_forces(
         expected: multiple to expect, the prediction of the nominal body.
     """
     body = vectored_body(robot, q, push, link)
-    told = dict(zip(bounded_joints(robot), offsets, strict=False))
-    off = np.array([told.get(name, 0.0) for name in body.joints])
+    known = dict(zip(bounded_joints(robot), offsets, strict=False))
+    off = np.array([known.get(name, 0.0) for name in body.joints])
     return largest_push(with_draw(body, factors, off), expected).t
 
 

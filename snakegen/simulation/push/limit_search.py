@@ -129,7 +129,7 @@ class _Problem:
         self.q = self.at(start / self.unit)[1]  # bent already: fewer rounds from here
 
     def at(self, z: Floats) -> tuple[Floats, Floats, Floats]:
-        """Returns what the wrench lacks (6,), where the body stands, and the servos' torques."""
+        """Returns the missing wrench (6,), where the body stands, and the servos' torques."""
         if z.tobytes() == self.key:
             return self.value
         load, x = self.load, z * self.unit
@@ -151,7 +151,7 @@ class _Problem:
         return self.value
 
     def balance(self, z: Floats) -> Floats:
-        """Returns (6,) of what the wrench lacks, in weights and weights times link length."""
+        """Returns (6,) of the missing wrench, in weights and weights times link length."""
         return self.at(z)[0] / self.lever
 
     def room(self, z: Floats) -> Floats:

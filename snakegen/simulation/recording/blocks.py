@@ -80,7 +80,7 @@ class Recorder:
         self.done = 0
         self._torque = store.reserve(ticks, 3)
         self._shapes: dict[str, dict[str, tuple[Channel, Columns]]] = {"flight": {}, "margins": {}}
-        self._postures: list[Floats] = []  # at which margins are still to be worked out
+        self._postures: list[Floats] = []  # at which margins are still to be computed
         self._judged = 0  # ticks whose margins are recorded
 
     def whole(self, ticks: int) -> int:
@@ -139,8 +139,8 @@ class Recorder:
             channels[name] = replace(like, values=values, time=own)
         if self.bends is not None:
             channels |= self.bends.channels(self.done)
-        told = tuple(Event(*e) for e in events)
-        return Recording(time, channels, told, flight_meta(self.world, meta))
+        marks = tuple(Event(*e) for e in events)
+        return Recording(time, channels, marks, flight_meta(self.world, meta))
 
     def _put(self, group: str, found: dict[str, Channel], first: int, last: int) -> None:
         """Writes the channels of ticks `first` … `last` − 1; what a group lacks is undefined."""

@@ -8,7 +8,7 @@ from snakegen.simulation.flight.elastic import tip_name
 from snakegen.simulation.flight.world import World
 
 _FAR = 0.5  # m: what is farther apart than this is recorded as this far
-_AT_ONCE = 200_000  # pairs of geoms whose gaps are worked out together
+_AT_ONCE = 200_000  # pairs of geoms whose gaps are computed together
 
 
 def clearances(world: World, qpos: Floats) -> tuple[Floats, Floats, Floats]:

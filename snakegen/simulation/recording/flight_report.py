@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from snakegen.simulation.flight.bounds.flight_bounds import TABLES
-from snakegen.simulation.flight.trim import said as said_of
+from snakegen.simulation.flight.trim import describe_trim
 from snakegen.simulation.recording.recording import Recording
 from snakegen.simulation.recording.summary import outcome
 from snakegen.simulation.recording.vibration_metrics import SHAKING
@@ -61,20 +61,20 @@ _SHOWN = (
 def flight_report(recording: Recording) -> str:
     """Returns the markdown of a judged flight; tables of what it has, nothing of what it lacks."""
     meta, found = recording.meta, recording.metrics
-    said = "\n".join(f"- {line}" for line in outcome(meta, found))
-    parts = [_head(meta), said, _checks(recording), _tracking(meta, found), _numbers(found)]
+    lines = "\n".join(f"- {line}" for line in outcome(meta, found))
+    parts = [_head(meta), lines, _checks(recording), _tracking(meta, found), _numbers(found)]
     parts += [_elastic(meta, found), _push(meta, found), _plant(meta)]
     return "\n\n".join(p for p in parts if p)
 
 
 def _head(meta: dict[str, Any]) -> str:
-    said = [
+    lines = [
         f"in {str(meta['mode']).replace('_', '-')} mode",
         f"gains `{meta.get('gains') or 'Table 5'}`",
         f"{meta.get('allocator', 'paper')} allocator",
         "perfect sensors and rotors" if meta["ideal"] else f"seed {meta['seed']}",
     ]
-    text = f"## {meta['robot']}: {meta['mission']}\n\n" + ", ".join(said) + "."
+    text = f"## {meta['robot']}: {meta['mission']}\n\n" + ", ".join(lines) + "."
     if "trial" in meta:
         drawn = ", ".join(f"{k} {v:.3g}" for k, v in meta["drawn"].items())
         text += f" Trial {meta['trial']}, drawn: {drawn}."
@@ -84,7 +84,7 @@ def _head(meta: dict[str, Any]) -> str:
     if meta.get("trim_s"):
         text += f"\n\nTrimmed in hover for {meta['trim_s']:g} s before t = 0; figures begin there."
         if "trim" in meta:
-            text += f" At t = 0 the {said_of(meta['trim'])}."
+            text += f" At t = 0 the {describe_trim(meta['trim'])}."
     if meta.get("stopped"):
         text += f"\n\n**The run ended early: {meta['stopped']}.**"
     return text

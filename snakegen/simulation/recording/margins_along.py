@@ -105,7 +105,7 @@ def _thrusts(
 def true_sigma_min(
     controller: Controller,
     plan: Plan,
-    told: Floats,
+    believed: Floats,
     states: States,
     thrust: Floats,
     gimbals: Floats,
@@ -115,16 +115,16 @@ def true_sigma_min(
     Args:
         controller: before any failure.
         plan: with its failures.
-        told: (T,) of the controller, which still counts them.
+        believed: (T,) of the controller, which still counts them.
         states: as they were, T rows.
         thrust: (T, r) N, asked of the rotors.
         gimbals: (T, Ñ, 2) rad, asked.
     """
-    out = np.array(told)
+    out = np.array(believed)
     modes = np.full(len(plan.time), controller.mode) if plan.mode is None else plan.mode
     for failure in plan.failures:
         first, known = np.searchsorted(plan.time, [failure.time - 1e-9, failure.detected - 1e-9])
-        for k in range(int(first), min(int(known), len(told))):
+        for k in range(int(first), min(int(known), len(believed))):
             left = controller.without(lost_rotors(plan, float(plan.time[k])))
             at = states[2][k], states[0][k], states[1][k]
             out[k] = sigma_min(left, int(modes[k]), at, plan.rotation[k], thrust[k], gimbals[k])

@@ -123,7 +123,7 @@ def _trim(recording: Recording) -> Trace | None:
 
 
 def _hover(recording: Recording) -> Trace | None:
-    """Returns what the law asks for beside hover, over the second half of the run."""
+    """Returns what the law demands in addition to hover, over the second half of the run."""
     asked = recording.meta.get("hover_sigmas")
     if asked is None:
         return None

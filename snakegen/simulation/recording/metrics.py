@@ -154,7 +154,7 @@ def _minima(recording: Recording, start: float, end: float) -> dict[str, Any]:
         if name not in recording.channels:
             continue
         # NaN is how a margin says "not defined here"; the rest still has a smallest value.
-        # Where hover itself is out of reach no force and no torque is borne beside it.
+        # Where hover itself is out of reach no further force or torque can be carried.
         limited = name in ("force_margin", "torque_margin") and "wrench_margin" in recording
         least = []
         for time, values in stored(recording, name).pieces(start, end):

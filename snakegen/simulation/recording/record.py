@@ -24,7 +24,7 @@ from snakegen.simulation.recording.margins_along import States, margins_along, t
 from snakegen.simulation.recording.recording import Channel, Event, Recording, channel
 from snakegen.simulation.recording.rotor_signals import power, roll_moments, thrusts
 
-SLOW = 0.1  # s, between two rows of what is worked out from the posture
+SLOW = 0.1  # s, between two rows of what is computed from the posture
 # What follows from states and commands, which stay exact: no sensor tells 1 part in 10^7 of these.
 MEASURED = (
     "velocity",
@@ -187,12 +187,12 @@ def _sigma_min(world: World, plan: Plan, controller: Controller, flown: Flown) -
     command = flown.command[:, np.maximum(world.gimbals, 0)]
     gimbals = np.where(world.gimbals >= 0, command, 0.0)
     thrust = flown.command[:, world.rotors]
-    told, states = flown.sigma_min, _states(world, flown.qpos)
-    return true_sigma_min(controller, plan, told, states, thrust, gimbals)
+    believed, states = flown.sigma_min, _states(world, flown.qpos)
+    return true_sigma_min(controller, plan, believed, states, thrust, gimbals)
 
 
 def slow_stride(time: Floats) -> int:
-    """Returns how many ticks lie between two rows of what is worked out from the posture."""
+    """Returns how many ticks lie between two rows of what is computed from the posture."""
     return max(1, round(SLOW / (time[1] - time[0]))) if len(time) > 1 else 1
 
 
@@ -235,7 +235,7 @@ def _rotor_meta(rotor: Rotor) -> dict[str, Any]:
 
 
 def flight_meta(world: World, meta: dict[str, Any]) -> dict[str, Any]:
-    """Returns what the log says about the run beside its signals."""
+    """Returns what the log says about the run in addition to its signals."""
     robot = world.robot
     rotors = [r for a in robot.modules.apparatuses for r in a.rotors]
     efforts = robot.limits([robot.joint_names[i] for i in world.chain])[2]

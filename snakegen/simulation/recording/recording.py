@@ -52,7 +52,7 @@ STANDARD: dict[str, Standard] = {
     "joint_torque": Standard("N·m", "joint torque", "torque of each joint servo"),
     "joint_rate": Standard("rad/s", "joint rate", "rate of each joint"),
     "servo_deflection": Standard(
-        "rad", "servo deflection", "what each joint servo is commanded beside where its joint is"
+        "rad", "servo deflection", "what each joint servo is commanded minus where its joint is"
     ),
     "sigma_min": Standard(
         "1", "scaled margins", "smallest scaled singular value of the allocation"

@@ -10,7 +10,7 @@ from snakegen.base.geometry import Floats
 from snakegen.errors import LogError
 from snakegen.simulation.recording.recording import Recording
 
-PIECE = 16_384  # rows worked out together
+PIECE = 16_384  # rows computed together
 AT_LIMIT = 1e-3  # share of the thrust range that counts as being at its end
 MAY_BE_UNDEFINED = frozenset(
     {
@@ -30,7 +30,7 @@ WHOLE_TURN = 2e-3  # rad: limits of ±3.14 mean a whole turn
 
 
 class Signal(NamedTuple):
-    """A signal that is worked out a few rows at a time, so that a long run fits into memory."""
+    """A signal that is computed a few rows at a time, so that a long run fits into memory."""
 
     time: Floats  # (T,) s
     rows: Callable[[slice], Floats]  # the values (n, k) of some rows

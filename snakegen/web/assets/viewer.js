@@ -5,7 +5,7 @@
   try {
     renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
   } catch (error) {
-    document.getElementById("hint").textContent = "This browser has no WebGL: the picture stands for the 3-D view.";
+    document.getElementById("hint").textContent = "This browser has no WebGL: the picture replaces the 3-D view.";
     return;
   }
   const scene = new THREE.Scene();

@@ -1,6 +1,6 @@
 """Hold a posture by servos and thrust together: vectoring apparatuses on a fixed base.
 
-Apparatuses push as `analyze relief` says. The run passes where the servos bear what that leaves to
+Apparatuses push as `analyze relief` says. The run passes where servos hold what that leaves to
 them, and the tip stays.
 """
 
@@ -47,7 +47,7 @@ from snakegen.statics.thrust_relief import ThrustMap, thrust_map
 from snakegen.statics.tip import Tip, find_tip, tip_pose
 
 STEP = 0.001  # s
-CLOSE = 0.01  # of a servo's limit: gimbal servos give way, which turns thrusts a little
+CLOSE = 0.01  # of a servo's limit: gimbal servos deflect, which turns thrusts a little
 STILL = 0.01  # of the arm's length, that the tip may be off (assumed)
 _SIGMAS = 2.5
 
@@ -58,7 +58,7 @@ class Options:
 
     Attributes:
         posture: posture file; straight by default
-        thrust: false: rotors stand still, the servos bear it alone
+        thrust: false: rotors stand still, the servos carry the load alone
         tip_force: N, at the end of the last link, world axes
         gravity: m/s², world
         duration: s
@@ -80,7 +80,7 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     """Holds the posture and returns the judged recording.
 
     Raises:
-        MissionError: loads that servos and thrust do not bear, gimbals that cannot aim.
+        MissionError: loads that servos and thrust cannot hold, gimbals that cannot aim.
     """
     if not options.duration > 0.5:
         raise MissionError(f"duration {options.duration:g} s: more than 0.5 is needed.")
@@ -140,11 +140,11 @@ def _in_link(robot: Robot, tip: Tip) -> Floats:
 
 
 def _check(robot: Robot, posture: RelievedPosture) -> None:
-    """Raises MissionError where servos and thrust do not bear it, or gimbals cannot aim."""
+    """Raises MissionError where servos and thrust cannot hold it, or gimbals cannot aim."""
     share, off = posture.relieved.value, posture.off
     if share > 1.0:
         raise MissionError(
-            f"{robot.name}: servos and thrust do not bear this; {100 * share:.3g} % of a "
+            f"{robot.name}: servos and thrust cannot hold this; {100 * share:.3g} % of a "
             "servo's torque at best."
         )
     if (off > AIMED).any():

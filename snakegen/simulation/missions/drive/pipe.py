@@ -167,13 +167,13 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
     tracks = [caster.track for caster in robot.modules.casters]
     robot = fitted(robot, radius, options.room, staves, options.fit)
     narrow = [c for c, was in zip(robot.modules.casters, tracks, strict=True) if c.track < was]
-    told = [f"a pipe {2 * radius:.3f} m wide inside lies ahead"]
-    told += [f"{c.link}: balls {c.track:g} m apart, to fit the pipe" for c in narrow]
+    notes = [f"a pipe {2 * radius:.3f} m wide inside lies ahead"]
+    notes += [f"{c.link}: balls {c.track:g} m apart, to fit the pipe" for c in narrow]
     body = sum(robot.modules.lengths.values())
     path = [("line", options.entry + options.length + body + 0.1)]
     reference = following(robot, path, options.speed, options.acceleration)
     if len(tracks) > given:
-        told.append("a caster is added at the tail, to hold the body upright")
+        notes.append("a caster is added at the tail, to hold the body upright")
     plan = DrivePlan(
         reference,
         reference.at(0.0)[0],
@@ -181,7 +181,7 @@ def fly(robot: Robot, options: Options, settings: RunSettings) -> Recording:
         options.gain,
         options.feedback,
         obstacles=pipe((options.entry, options.entry + options.length), radius, staves),
-        events=tuple((0.0, text) for text in told),
+        events=tuple((0.0, text) for text in notes),
         facts={
             "pipe_diameter_m": 2.0 * radius,
             "drum_diameter_m": 2.0 * drum,

@@ -1,4 +1,4 @@
-"""Hover in a gust: wind that rises and falls as 1-cos, turbulence beside it if asked for."""
+"""Hover in a gust: wind that rises and falls as 1-cos, with turbulence if requested."""
 
 from dataclasses import dataclass
 from typing import Any

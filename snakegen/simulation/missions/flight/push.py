@@ -241,7 +241,7 @@ def metrics(recording: Recording) -> dict[str, Any]:
     joint_error = joint_error - give * recording.channel("joint_torque").values
     ramp = float(facts["slow_from_s"])
     lag = (time > ramp + 2.0) & (time <= ramp + 4.0)
-    if time[-1] < ramp + 4.0:  # gone before the lag can be told
+    if time[-1] < ramp + 4.0:  # gone before the lag can be measured
         lag = time < SETTLE
     fine = np.full(len(time), True)
     for error, most in ((place_error, LOST_M), (turn_error, LOST_RAD), (joint_error, LOST_JOINT)):

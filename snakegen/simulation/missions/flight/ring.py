@@ -32,7 +32,7 @@ class Options(PostureOption):
     """Options of mission `ring`.
 
     Attributes:
-        force: N, at its peak, on the last link; 20, or less where the body bears less, by default
+        force: N, at its peak, on the last link; 20, less where the body takes less, by default
         direction: x, y or z
         length: s, of the pluck
         duration: s
@@ -115,7 +115,7 @@ def held_force(robot: Robot, q: Floats, link: str, way: Floats) -> float:
     """Returns the largest steady force [N] along `way` (3,), world, held on a link's origin.
 
     Of the thrust limits of the mode flown; in dual-rotor mode of ``[f_z; τ]``, since a body that
-    leans bears the rest. 0 where hover is out of reach.
+    leans takes the rest. 0 where hover is out of reach.
     """
     a = allocation(robot, q)
     base, origin = robot.base_pose(q)
