@@ -46,7 +46,7 @@ def design(
     """Search the designs of STUDY.yaml for those that no other dominates, and certify them.
 
     Writes front.json, front.png and a spec a design; each shown design is rebuilt through the
-    templates and must give the same figures. Exit code 3 where a claim fails on fresh postures or
+    templates, must give the same figures and pass the equivalence check. Exit code 3 where a claim fails on fresh postures or
     a flight disagrees with its margin.
 
     \b
