@@ -12,7 +12,7 @@ import yaml
 from click.testing import CliRunner
 
 import snakegen
-from snakegen.cli import cli
+from snakegen.cli import cli, design
 from snakegen.design_search import run
 from snakegen.design_search.ascent import design_gradients
 from snakegen.design_search.body_arrays import BodyArrays, Skeleton
@@ -266,3 +266,19 @@ def test_no_time_at_all_is_one_line(tmp_path):
     study.write_text(yaml.safe_dump(SMALL))
     with pytest.raises(StudyError, match="more minutes"):
         run.run_study(study, tmp_path / "out", processes=1, minutes=1e-6)
+
+
+def test_fly_flies_the_chosen_design_and_the_robot_as_given(tmp_path, monkeypatch):
+    """A body that cannot hover after a loss must leave hover: then flight and margin agree."""
+    monkeypatch.setattr(design, "FLIGHTS", ("fail",))
+    study = tmp_path / "small.yaml"
+    study.write_text(yaml.safe_dump(SMALL))
+    words = ["design", str(study), "-o", str(tmp_path / "o"), "--workers", "1", "--fly"]
+    made = CliRunner().invoke(cli, words, catch_exceptions=False)
+    assert made.exit_code == 0
+    data = json.loads((tmp_path / "o/front.json").read_text())
+    assert [f["design"] for f in data["flights"]] == [data["chosen"], "given"]
+    for flight in data["flights"]:
+        assert flight["agrees"] and flight["predicted_wrench_margin"] < 0.0
+        assert (tmp_path / "o" / f"{flight['design']}_built" / "fail.rrd").is_file()
+    assert "given, fail: passed" in made.stdout and "DISAGREES" not in made.stdout

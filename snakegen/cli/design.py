@@ -14,6 +14,7 @@ from snakegen.cli.outcome import progress_bar
 from snakegen.errors import SnakegenError
 
 FLIGHTS = ("transform", "push", "fail")
+LEFT = "predicted_wrench_margin"
 
 
 @click.command(context_settings=HELP)
@@ -46,8 +47,8 @@ def design(
     """Search the designs of STUDY.yaml for those that no other dominates, and certify them.
 
     Writes front.json, front.png and a spec a design; each shown design is rebuilt through the
-    templates, must give the same figures and pass the equivalence check. Exit code 3 where a claim fails on fresh postures or
-    a flight disagrees with its margin.
+    templates, must give the same figures and pass the equivalence check. Exit code 3 where a
+    claim fails on fresh postures or a flight disagrees with its margin.
 
     \b
     Example:
@@ -55,7 +56,7 @@ def design(
       snakegen design study.yaml -o out/study --minutes 5
       snakegen design study.yaml -o out/study --resume --fly
     """
-    from snakegen.design_search.run import run_study
+    from snakegen.design_search.run import run_study, write_front
     from snakegen.spec.loading import templates_folder
 
     if example:
@@ -80,6 +81,7 @@ def design(
     failed = not all(fine for d in result.front for _, fine in d.tries.values())
     if fly:
         data["flights"] = _fly(result, folder, seed)
+        write_front(folder, data)
         failed = failed or not all(f["agrees"] for f in data["flights"])
     if as_json:
         print_json(data)
@@ -118,7 +120,8 @@ def _print(result: Any, data: dict[str, Any], folder: Path) -> None:
         click.echo(line)
     for flight in data.get("flights", []):
         agrees = "" if flight["agrees"] else "; DISAGREES with its margin"
-        click.echo(f"{flight['design']}, {flight['mission']}: {flight['verdict']}{agrees}")
+        line = f"{flight['design']}, {flight['mission']}: {flight['verdict']}{agrees}"
+        click.echo("; ".join([line, *_measured(flight)]))
     state = "" if result.complete else " (ended by --minutes)"
     click.echo(
         f"{result.scored} designs scored in {result.seconds:.0f} s{state}; {folder}/front.png, "
@@ -127,9 +130,19 @@ def _print(result: Any, data: dict[str, Any], folder: Path) -> None:
     click.echo(result.sentence())
 
 
-def _promised(facts: dict[str, Any]) -> bool:
-    """Tells whether a mission's own prediction says that it is flown; True where it makes none."""
-    return float(facts.get("predicted_wrench_margin", 0.0)) >= 0.0
+def _measured(flight: dict[str, Any]) -> list[str]:
+    """Returns the figures of a flight that say most, in words."""
+    metrics, out = flight.get("metrics", {}), []
+    if flight["mission"] == "transform" and "position_rmse_m" in metrics:
+        axes = " ".join(f"{1e3 * v:.1f}" for v in metrics["position_rmse_m"])
+        out.append(f"position RMSE {axes} mm")
+    if "ratio" in metrics and metrics.get("predicted_wrench"):
+        force = sum(v * v for v in metrics["predicted_wrench"][:3]) ** 0.5
+        out.append(f"measured limit {metrics['ratio']:.3f} of the predicted {force:.3g} N")
+    if LEFT in flight:
+        left = flight[LEFT]
+        out.append(f"predicted 6-D margin after the loss {left:.3f}")
+    return out
 
 
 def _fly(result: Any, folder: Path, seed: int) -> list[dict[str, Any]]:
@@ -153,16 +166,17 @@ def _fly(result: Any, folder: Path, seed: int) -> list[dict[str, Any]]:
             except SnakegenError as error:  # a margin is missing: reported before take-off
                 out.append(row | {"passed": False, "agrees": True, "verdict": f"refused: {error}"})
                 continue
-            write(recording, home / f"{mission}.rrd")
+            write(recording, home / f"{mission}.rrd", mesh_folder=home)
             judged = recording.verdict
             passed = bool(judged and judged.passed)
             out.append(
                 row
                 | {
                     "passed": passed,
-                    "agrees": passed == _promised(recording.meta.get("facts", {})),
+                    "agrees": passed,
                     "verdict": judged.summary() if judged else "none",
                     "metrics": recording.metrics,
+                    **{k: v for k, v in recording.meta.get("facts", {}).items() if k == LEFT},
                 }
             )
     return out

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -122,5 +123,9 @@ def _write(result: StudyResult, scorer: Scorer, folder: Path) -> None:
     for design in result.front:
         save(load_spec(design.spec), folder / f"{design.label}.spec.yaml")
     draw_front(result, list(scorer.known.values()), folder / PICTURE)
-    text = json.dumps(result.to_json(), indent=2, ensure_ascii=False)
-    write_atomically(folder / FRONT, text + "\n")
+    write_front(folder, result.to_json())
+
+
+def write_front(folder: Path, data: dict[str, Any]) -> None:
+    """Writes what a study found, as plain data, into its folder."""
+    write_atomically(folder / FRONT, json.dumps(data, indent=2, ensure_ascii=False) + "\n")
