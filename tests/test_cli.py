@@ -149,6 +149,11 @@ def test_report_is_the_default(run) -> None:
     assert run("analyze", "generated/grasper3/grasper3.spec.yaml").out == short.out
 
 
+def test_a_word_before_a_robot_is_an_analysis(run) -> None:
+    refused = run("analyze", "losses", "screw4")
+    assert refused.code == 2 and "No such command 'losses'" in refused.err
+
+
 def test_missions_and_their_options_are_listed(run) -> None:
     """`--mission help` sorts by what suits the robot; `--option help` shows names and defaults."""
     suits, _, others = run("analyze", "flight", "arm6", "--mission", "help").out.partition(

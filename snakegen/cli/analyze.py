@@ -31,10 +31,11 @@ class AnalyzeGroup(LazyGroup):
     """Commands from the analysis folder; a first word that is no command is a ROBOT for report."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Puts `report` before a ROBOT; a word that nearly is a command stays one."""
+        """Puts `report` before a ROBOT; a word that nearly is a command, or before one, stays."""
         if args and not args[0].startswith("-") and args[0] not in self.lazy:
             mistyped = get_close_matches(args[0], self.lazy, n=1, cutoff=0.7)
-            if _is_robot(args[0]) or not mistyped:
+            robot_next = len(args) > 1 and _is_robot(args[1])
+            if _is_robot(args[0]) or not (mistyped or robot_next):
                 args = ["report", *args]
         return super().parse_args(ctx, args)
 
