@@ -9,6 +9,7 @@ import numpy as np
 
 from snakegen.analysis import actuation
 from snakegen.analysis import wrench_margin as margin
+from snakegen.analysis.actuation_result import Actuation
 from snakegen.robot.posture import hover_gimbals
 from snakegen.robot.robot import Robot, load
 
@@ -63,7 +64,7 @@ def posture(n: int, kind: str) -> dict[str, float]:
 def row(n: int, kind: str) -> Row:
     """Computes one row with the package's own analyses."""
 
-    def ranks(**options: object) -> tuple[actuation.Actuation, Robot, np.ndarray]:
+    def ranks(**options: object) -> tuple[Actuation, Robot, np.ndarray]:
         robot = plain_robot(n, **options)  # type: ignore[arg-type]
         q = hover_gimbals(robot, robot.configuration(posture(n, kind)))
         return actuation.analyze(robot, q), robot, q

@@ -27,12 +27,13 @@ from snakegen.statics.cable_holding import (
     least_holding_tension,
     stiffness_of,
 )
+from snakegen.statics.cable_options import cables_from_options, load_at, loads_of
 from snakegen.statics.cable_results import CableMotion, CablesResult, balanced
 from snakegen.statics.cable_stiffness import PointLoad, cable_geometry
 from snakegen.statics.cabled import cables_of, hold_in_mujoco
-from snakegen.statics.joint_torques import Wrenches, finite, joint_torques, link_loads
+from snakegen.statics.joint_torques import Wrenches, finite, joint_torques
 from snakegen.statics.routing import Routing, route
-from snakegen.statics.tip import find_tip, tip_pose
+from snakegen.statics.tip import tip_pose
 
 __all__ = ["CablesResult", "Routing", "analyze", "applies", "route"]
 
@@ -116,7 +117,7 @@ def analyze(
         "elasticity": elasticity,
         "friction": friction,
     }
-    cables, given = _cables(robot, {k: v for k, v in sizes.items() if v is not None})
+    cables, given = cables_from_options(robot, {k: v for k, v in sizes.items() if v is not None})
     q = robot.validate_configuration(q)
     how: dict[str, Any] = {}
     if routing is None:
@@ -130,7 +131,7 @@ def analyze(
         routing = route(robot, **places)
         how = _routing_json(places, robot.modules.cables is None and not given)
     g = finite(gravity, (3,), "gravity")
-    loads = _loads(robot, wrenches, tip_force)
+    loads = loads_of(robot, wrenches, tip_force)
     case = _Case(robot, routing, cables, g, loads)
     result = case.solve(q, torque, how)
     if motion is not None:
@@ -187,7 +188,7 @@ class _Case:
         static = joint_torques(self.robot, q, gravity=self.gravity, terms="static")[self.index]
         out = np.asarray(static, float)
         for load in self.loads:
-            tip = tip_pose(self.robot, q, _at(self.robot, load))
+            tip = tip_pose(self.robot, q, load_at(self.robot, load))
             wrench = np.concatenate([load.force, load.moment])
             out = out - (tip.jacobian.T @ wrench)[self.index]
         return out
@@ -246,49 +247,6 @@ class _Case:
             threshold = max(threshold, stiffness.threshold)
         worst = softest[int(np.argmin(least))]
         return CableMotion(moved.name, time, least, highest, good, worst, threshold)
-
-
-def _at(robot: Robot, load: PointLoad) -> Any:
-    from snakegen.statics.tip import Tip
-
-    return Tip("", load.body, load.point)
-
-
-def _loads(robot: Robot, wrenches: Wrenches, tip_force: ArrayLike | None) -> tuple[PointLoad, ...]:
-    """Returns the loads of links and of the tip."""
-    found = link_loads(robot, wrenches)
-    out = [
-        PointLoad(int(b), np.asarray(p), np.asarray(w[:3]), np.asarray(w[3:]))
-        for b, p, w in zip(found.body, found.point, found.wrench, strict=True)
-    ]
-    if tip_force is not None:
-        tip = find_tip(robot)
-        out.append(
-            PointLoad(tip.body, tip.point, finite(tip_force, (3,), "tip force"), np.zeros(3))
-        )
-    return tuple(out)
-
-
-def _cables(robot: Robot, sizes: dict[str, Any]) -> tuple[Cables, bool]:
-    """Returns the cables of a robot with `sizes` in place of its own; whether any were given."""
-    known = robot.modules.cables or Cables()
-    places = ("count", "radius", "phase", "standoff", "sheathed")
-    given: dict[str, Any] = {}
-    for name, value in sizes.items():
-        if not isinstance(value, int | float) or value != value:
-            raise AnalysisError(f"{name}: {value!r} is not a number.")
-        given[name] = value
-    cables = replace(known, **given)
-    if not 0 <= cables.minimum <= cables.maximum or not np.isfinite(cables.minimum):
-        raise AnalysisError(
-            f"tensions {cables.minimum:g} … {cables.maximum:g} N are no range above 0."
-        )
-    for name in ("stiffness", "elasticity"):
-        if not getattr(cables, name) > 0:
-            raise AnalysisError(f"{name} = {getattr(cables, name):g}: more than 0 is needed.")
-    if not 0 <= cables.friction < np.inf:
-        raise AnalysisError(f"friction = {cables.friction:g}: 0 or more is needed.")
-    return cables, any(n in given and given[n] != getattr(Cables(), n) for n in places)
 
 
 def _routing_json(sizes: dict[str, Any], assumed: bool) -> dict[str, Any]:
