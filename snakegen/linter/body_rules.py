@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ POINT = 1e-6
 """m; a radius of gyration below this is no body's (MuJoCo refuses moments below 1e-15 kg·m²)."""
 
 FAR = 50.0  # m
+LEAST_BALL = 0.1  # of the radius of gyration of a ball of the densest metal
 THIN, DENSE = 1.0, 3e4  # kg/m³, of any part
 
 
@@ -41,13 +42,17 @@ def body_faults(robot: Node) -> Iterator[Finding]:
         for name in body.links
         if len(body.links) > 1
     }
+    steps = (numbers(j.find("origin"), "xyz", 3) for j in robot.findall("joint"))
+    reach = 10.0 * sum(math.hypot(*step) for step in steps if step)
+    widest = min(FAR, reach) if reach > 0.0 else FAR
     for link in links:
         inertial = link.find("inertial")
         if inertial is not None:
             mass = number(inertial.find("mass"), "value")
             if mass != 0.0:  # an unreadable one is the grammar's finding
                 heavy.add(link.attrib.get("name", ""))
-            yield from _inertial_faults(link, inertial, mass, link.attrib.get("name", "") in sound)
+            welded = link.attrib.get("name", "") in sound
+            yield from _inertial_faults(link, inertial, mass, welded, widest)
         for shape in shapes(link):
             yield from _size_faults(link, shape)
         for node in [link.find("inertial"), *link.findall("visual"), *link.findall("collision")]:
@@ -62,9 +67,15 @@ def body_faults(robot: Node) -> Iterator[Finding]:
 
 
 def _inertial_faults(
-    link: Node, inertial: Node, mass: float | None, welded: bool
+    link: Node, inertial: Node, mass: float | None, welded: bool, widest: float
 ) -> Iterator[Finding]:
-    """Yields findings of one <inertial>; `welded`: the body that it is part of is sound."""
+    """Yields findings of one <inertial>.
+
+    Args:
+        link, inertial, mass: the link, its element and mass [kg].
+        welded: the body that it is part of is sound.
+        widest: m, ten times what the joints reach: no link without shapes is larger.
+    """
     node, where = inertial.find("inertia"), label(link)
     entries = [number(node, name) for name in ENTRIES]
     moments = None
@@ -89,7 +100,10 @@ def _inertial_faults(
             message += "; the link that it is fixed to makes up for it"
         yield finding(code, where, node.line, message, "note" if welded else None)
     else:
-        yield from _plausibility(link, inertial, node, mass, moments)
+        found = _plausibility(link, inertial, node, mass, moments, widest)
+        for one in found:
+            mild = welded and one.code == "gyration_small"
+            yield replace(one, severity="note") if mild else one
 
 
 def principal_moments(entries: list[float]) -> tuple[float, float, float]:
@@ -136,7 +150,12 @@ def tensor_fault(
 
 
 def _plausibility(
-    link: Node, inertial: Node, node: Node, mass: float, moments: tuple[float, float, float]
+    link: Node,
+    inertial: Node,
+    node: Node,
+    mass: float,
+    moments: tuple[float, float, float],
+    widest: float,
 ) -> Iterator[Finding]:
     where, line = label(link), node.line
     if mass == 1.0 and moments == (1.0, 1.0, 1.0):
@@ -146,10 +165,13 @@ def _plausibility(
         yield finding("mass_range", where, inertial.line, f"its mass is {mass:g} kg")
     extent = _extent(link)
     gyration = math.sqrt(max(moments[2], 0.0) / mass)
-    size = extent.size if extent else FAR
+    size = extent.size if extent else widest
     if gyration > (1.2 * size if extent else size):
         message = f"radius of gyration {gyration:.3g} m, the body spans {size:.3g} m"
         yield finding("gyration_large", where, line, message)
+    elif extent is None and gyration < LEAST_BALL * _densest_ball(mass):
+        message = f"{mass:g} kg with a radius of gyration of {1e3 * gyration:.2g} mm"
+        yield finding("gyration_small", where, line, f"{message} are denser than any metal")
     elif extent and gyration < 1e-3 * size:
         message = f"radius of gyration {gyration:.3g} m, the body spans {size:.3g} m"
         yield finding("gyration_small", where, line, message)
@@ -163,6 +185,11 @@ def _plausibility(
     if extent.volume > 0 and not THIN <= density <= DENSE:
         message = f"{mass:g} kg in {extent.volume:.3g} m³ is {density:.3g} kg/m³"
         yield finding("density", where, inertial.line, message)
+
+
+def _densest_ball(mass: float) -> float:
+    """Returns the radius of gyration [m] of a ball of osmium, 22.6 t/m³: no body has a smaller."""
+    return float(0.632 * (3.0 * mass / (4.0 * math.pi * 22600.0)) ** (1.0 / 3.0))
 
 
 def _extent(link: Node) -> Extent | None:

@@ -215,12 +215,12 @@ _PHYSICS = _tier(
         ),
         "gyration_small": (
             "warning",
-            "The radius of gyration is below a thousandth of the body.",
+            "The radius of gyration is below a thousandth of the body, or that of any metal.",
             "Check the units of the inertia: kg·m², not g mm².",
         ),
         "gyration_large": (
             "warning",
-            "The radius of gyration exceeds the body.",
+            "The radius of gyration exceeds the body, or ten times what the joints reach.",
             "Check the units of the inertia and whether it is about the centre of mass.",
         ),
         "identity_inertia": (

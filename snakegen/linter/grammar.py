@@ -31,6 +31,8 @@ EXTENSIONS = frozenset(
 )
 """Elements of other programs, allowed under ``<robot>`` and not looked into."""
 
+_SEEN = ("material", "color", "texture")  # what changes no number of the model
+
 ASSUMED = {"origin": "0", "limit": "0", "inertia": "0", "mimic": None, "axis": None}
 """What parsers take for an absent numeric attribute, where it is one number; None: it matters."""
 
@@ -181,12 +183,13 @@ def _stranger(
     close = get_close_matches(child.tag, known, n=1, cutoff=0.75)
     lost = (close and parent.find(close[0]) is None) or (close and close[0] in rule.many)
     code = "misspelt_tag" if lost else "unknown_tag"
+    mild: Severity | None = "warning" if close and close[0] in _SEEN and lost else None
     if lost:
         message = f"unknown element <{child.tag}> in <{parent.tag}>. Did you mean {close[0]!r}?"
     else:
         hint = near(child.tag, sorted(extensions)) if parent.tag == "robot" else ""
         message = f"unknown element <{child.tag}> in <{parent.tag}>.{hint}"
-    yield finding(code, where, child.line, message)
+    yield finding(code, where, child.line, message, mild)
 
 
 def _attribute_faults(node: Node, rule: Tag, where: str) -> Iterator[Finding]:

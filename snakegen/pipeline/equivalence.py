@@ -166,7 +166,8 @@ class _StateMap:
             quaternion = rng.normal(size=4)
             q[3:7] = quaternion / np.linalg.norm(quaternion)
         low, high, _ = self.robot.limits(self.robot.joint_names)
-        angles = rng.uniform(np.maximum(low, -np.pi), np.minimum(high, np.pi))
+        middle = np.clip(0.0, low, high)
+        angles = rng.uniform(np.maximum(low, middle - np.pi), np.minimum(high, middle + np.pi))
         for name, angle in zip(self.robot.joint_names, angles, strict=True):
             joint = model.joints[model.getJointId(name)]
             turn = (np.cos(angle), np.sin(angle))

@@ -192,10 +192,10 @@ def _arm(found: Any, *, drives: bool) -> list[tuple[str, str]]:
     load = found.tip_load
     if load is None or drives:
         return out
-    rows = dict(found.rows())
+    pushes = [text for name, text in found.rows() if name.startswith("tip load capacity")]
     if load.payload > 0.0:
         sag = f"; unloaded, servos give {1e3 * float(np.linalg.norm(load.sag)):.3g} mm at the tip"
         carried = "any weight" if np.isinf(load.payload) else f"{load.payload:.3g} kg at the tip"
         out.append(("What does it carry?", carried + sag))
-        out.append(("What does its tip push?", rows["tip load capacity"]))
+        out += [("What does its tip push?", text) for text in pushes[:1]]
     return out
