@@ -118,6 +118,40 @@ def test_nacelles_that_reach_six_axes_keep_their_mode(tmp_path: Path) -> None:
     assert "control" not in draft(path).data
 
 
+RANGE = 'lower="-1" upper="1" effort="9"'
+
+
+def test_a_range_beyond_a_turn_is_converted(tmp_path: Path) -> None:
+    path = tmp_path / "pick.urdf"
+    path.write_text(gripper().replace(RANGE, 'lower="3.3" upper="4" effort="9"', 1))
+    made = snakegen.convert(path, tmp_path / "out")
+    assert snakegen.compare(path, made.mjcf).same
+
+
+def test_a_robot_without_any_effort_is_analysed(tmp_path: Path) -> None:
+    path = tmp_path / "pick.urdf"
+    path.write_text(gripper().replace('effort="9"', 'effort="0"'))
+    done = CliRunner().invoke(cli, ["analyze", str(path)])
+    assert done.exit_code == 0, done.exception
+
+
+@pytest.mark.parametrize(
+    "moment, code", [("1e-12", "gyration_small"), ("4000", "gyration_large"), ("1e-4", "")]
+)
+def test_inertias_of_links_without_shapes(moment: str, code: str, tmp_path: Path) -> None:
+    path = tmp_path / "pick.urdf"
+    path.write_text(gripper().replace("1e-4", moment, 3))
+    assert {f.code for f in lint(path) if f.severity == "warning"} == ({code} if code else set())
+
+
+def test_a_misspelt_colour_is_no_error(tmp_path: Path) -> None:
+    path = tmp_path / "pick.urdf"
+    shape = '<visual><geometry><sphere radius="1"/></geometry><meterial name="a"/></visual>'
+    path.write_text(gripper().replace('name="palm">', f'name="palm">{shape}', 1))
+    found = [(f.severity, f.code) for f in lint(path) if f.severity != "note"]
+    assert ("warning", "misspelt_tag") in found and "error" not in dict(found)
+
+
 def test_shafts_without_effort_are_a_note(tmp_path: Path) -> None:
     path = tmp_path / "nacelles.urdf"
     path.write_text(nacelles("0 1 0"))

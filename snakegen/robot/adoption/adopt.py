@@ -110,7 +110,7 @@ class _Draft:
         if length := self._length():
             out["link_length"] = length
         if self._loses_an_axis():
-            why = "free gimbals leave an axis without force; unequal thrusts fly it, gimbals held"
+            why = "free gimbals leave an axis without force; unequal thrusts fly it"
             out["control"] = {"mode": Drafted("dual_rotor", why, True)}
         out["apparatuses"] = self._apparatuses()
         return out

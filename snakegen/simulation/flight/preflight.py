@@ -180,7 +180,7 @@ def _way_out(robot: Robot, frame: CogFrame) -> str:
         return "its rotors cannot hold a level hover"
     return (
         "with free gimbals it lacks an axis; control: {mode: dual_rotor} in the modules file flies "
-        "it by unequal thrusts, gimbals held"
+        "it by unequal thrusts"
     )
 
 
