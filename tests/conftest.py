@@ -12,13 +12,14 @@ from snakegen.cli import main
 
 # The longest first; a new file of flights belongs here.
 FLIGHTS = [
-    "readme", "drive_missions", "every_option", "force_sets", "push", "missions", "motion_runs",
-    "traction", "vibration", "drive_trials", "monte_carlo", "gust", "trim", "flight_bounds",
-    "elastic", "arm_trials", "arm_plant", "verify_plant", "verify_loop", "run", "outcome",
-    "before_flight", "strain", "rate_filter", "jointless", "tunnel", "battery", "worst_place",
-    "margins_along", "streamed_flight", "control_without_gimbals", "falling", "flight_torques",
-    "hover_limits", "measured", "foreign", "api", "adopt", "journal", "reference_limits",
-    "flight_memory", "sweep_storage", "interrupts",
+    "readme", "drive_missions", "drive_terrain", "every_option", "force_sets", "push",
+    "missions", "motion_runs", "traction", "vibration", "drive_trials", "monte_carlo", "gust",
+    "trim", "flight_bounds", "elastic", "arm_trials", "arm_plant", "verify_plant",
+    "verify_loop", "run", "outcome", "before_flight", "strain", "rate_filter", "jointless",
+    "tunnel", "battery", "worst_place", "margins_along", "streamed_flight",
+    "control_without_gimbals", "falling", "flight_torques", "hover_limits", "measured",
+    "foreign", "api", "adopt", "journal", "reference_limits", "flight_memory", "sweep_storage",
+    "interrupts",
 ]  # fmt: skip
 
 

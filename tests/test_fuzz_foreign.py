@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from clean_urdf import GOOD
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
@@ -19,7 +20,6 @@ from snakegen.spec.loading import load_spec
 from tests.examples import EXAMPLES
 from tests.foreign_robots import ROBOTS
 from tests.test_compare import ARM
-from tests.test_lint import GOOD
 
 ROOT = Path(__file__).parent.parent
 MJCF = (ROOT / "generated/arm6/arm6.xml").read_text()

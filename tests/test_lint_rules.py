@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from clean_urdf import GOOD
 
 import snakegen
 from snakegen import lint
@@ -14,7 +15,7 @@ from snakegen.errors import DescriptionError
 from snakegen.linter.catalogue import RULES, page
 from snakegen.linter.finding import Finding
 from snakegen.linter.fixes import fix
-from tests.test_lint import FAULTS, GOOD, mutate
+from tests.test_lint import FAULTS, mutate
 
 ROOT = Path(__file__).parent.parent
 INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/>\n    </inertial>\n'
