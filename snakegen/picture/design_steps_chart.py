@@ -31,6 +31,7 @@ def draw_steps(steps: DesignSteps, robot: str, path: Path) -> Path:
             ax.set_title(f"{kind.replace('_', ' ')} margin {steps.margins[kind]:.4g} {unit}")
             ax.set_xlabel(f"change [{unit}]")
             ax.margins(x=0.22)
+            ax.locator_params(axis="x", nbins=5)
         axes[0].set_yticks(range(len(names)), names)
         axes[0].invert_yaxis()
         figure.suptitle(f"{robot}: what small changes do to its margins ({steps.mode})")

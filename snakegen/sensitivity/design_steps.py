@@ -27,8 +27,10 @@ def design_steps(robot: Robot, q: Floats, mode: str = VIRTUAL) -> DesignSteps:
         found["attitude_altitude"] = margin_gradients(robot, q, "attitude_altitude", mode)
     found = {kind: g for kind, g in found.items() if g.pieces}
     if not found:
+        bent = f": joint {robot.chain_joints[-1]} at 0.8 rad, say" if robot.chain_joints else ""
         raise AnalysisError(
-            f"{robot.name}: all margins are 0 at this posture for lack of a direction; bend it."
+            f"{robot.name}: all margins are 0 at this posture for lack of a direction; "
+            f"bend it{bent}."
         )
     tables = {
         kind: [_changes(g, piece) for piece in range(len(g.pieces))] for kind, g in found.items()
