@@ -45,6 +45,8 @@ def draw_strobe(path: Path, instants: list[Instant], boxes: list[Floats], title:
     FigureCanvasAgg(figure)
     cloud = np.concatenate([i.line for i in instants])
     low, high = cloud.min(axis=0) - 0.25, cloud.max(axis=0) + 0.25
+    # the longer way of the motion lies across the picture
+    azimuth = -60.0 if high[0] - low[0] >= high[1] - low[1] else -30.0
     for k, instant in enumerate(instants):
         axes: Any = figure.add_subplot(2, columns, k + 1, projection="3d", computed_zorder=False)
         _draw_boxes(axes, boxes, low, high)
@@ -60,7 +62,7 @@ def draw_strobe(path: Path, instants: list[Instant], boxes: list[Floats], title:
         axes.set_zlim(max(low[2], 0.0), high[2])
         axes.set_box_aspect(np.maximum(high - low, 0.1), zoom=1.3)
         axes.locator_params(nbins=4)
-        axes.view_init(elev=12.0, azim=-60.0)
+        axes.view_init(elev=12.0, azim=azimuth)
         axes.set_title(f"{instant.time:.1f} s", fontsize=9)
         axes.tick_params(labelsize=6, pad=-2)
     figure.suptitle(f"{title} (red: root link; circles: what gimbals can sweep)", fontsize=10)
@@ -79,5 +81,5 @@ def _draw_boxes(axes: Any, boxes: list[Floats], low: Floats, high: Floats) -> No
         if np.any(np.ptp(cut, axis=0) < 1e-6):
             continue
         parts = [cut[list(face)] for face in faces]
-        look = {"facecolor": _SOLID, "edgecolor": "#4a5568", "linewidth": 0.4, "alpha": 0.25}
+        look = {"facecolor": _SOLID, "edgecolor": "#4a5568", "linewidth": 0.3, "alpha": 0.25}
         axes.add_collection3d(Poly3DCollection(parts, zorder=1, **look))
