@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from snakegen.linter.catalogue import RULES, Severity, Tier
+from snakegen.linter.catalogue import RULES
+from snakegen.linter.rule import Severity, Tier
 from snakegen.linter.xml_tree import Node
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 from snakegen.errors import near
-from snakegen.linter.catalogue import Severity
 from snakegen.linter.finding import Finding, finding, label, word_fault
+from snakegen.linter.rule import Severity
 from snakegen.linter.xml_tree import Node
 
 EXTENSIONS = frozenset(

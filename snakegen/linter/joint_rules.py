@@ -8,9 +8,9 @@ import math
 from collections.abc import Iterator
 
 from snakegen.errors import near
-from snakegen.linter.catalogue import Severity
 from snakegen.linter.finding import Finding, finding, label, number, numbers
 from snakegen.linter.grammar import JOINT_AXES
+from snakegen.linter.rule import Severity
 from snakegen.linter.xml_tree import Node
 
 AXIS_TOLERANCE = (1e-6, 1e-3)
