@@ -166,3 +166,18 @@ def test_millions_of_elements_are_refused_before_they_are_built(
     monkeypatch.setattr(xml_tree, "MOST_ELEMENTS", 1000)
     with pytest.raises(XmlFault, match="more than 1000 elements"):
         parse_xml(f'<robot name="r">{"<a/>" * 2000}</robot>')
+
+
+@pytest.mark.parametrize("name", ["loop", "loop/out"])
+def test_links_in_a_circle_are_named(name: str, tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    target = tmp_path / name
+    for write in (check_writable, lambda p: write_atomically(p, ""), _convert_into):
+        with pytest.raises(SnakegenError, match=r"cannot be written \(Too many levels"):
+            write(target)
+    with pytest.raises(SnakegenError, match="Too many levels"):
+        snakegen.load(tmp_path / "loop" / "a.urdf")
+
+
+def _convert_into(folder: Path) -> object:
+    return snakegen.convert(ARM, folder)

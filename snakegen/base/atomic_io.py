@@ -57,6 +57,18 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     replace_whole(path, lambda beside: beside.write_bytes(data))
 
 
+def _refuse_loop(target: Path) -> None:
+    """Raises where links on the way to `target` lead in a circle.
+
+    Raises:
+        OSError: what the system says of it; before Python 3.13 `resolve` has an error of its own.
+    """
+    try:
+        target.resolve()
+    except RuntimeError:
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(target)) from None
+
+
 @contextmanager
 def writing(target: Path) -> Iterator[None]:
     """Turns what the system says while `target` is written into one clear line.
@@ -66,6 +78,7 @@ def writing(target: Path) -> Iterator[None]:
             rename would replace by a file.
     """
     try:
+        _refuse_loop(target)
         if target.exists():
             refuse_special(target)
         yield
