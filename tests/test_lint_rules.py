@@ -1,6 +1,5 @@
 """Every code of the linter's catalogue has a faulty file here, and an entry in docs/lint.md."""
 
-import json
 import struct
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ from clean_urdf import GOOD
 
 import snakegen
 from snakegen import lint
-from snakegen.cli import main
 from snakegen.errors import DescriptionError
 from snakegen.linter.catalogue import RULES, page
 from snakegen.linter.finding import Finding
@@ -261,48 +259,6 @@ def test_fix_shortens_paths_inside_the_folder_only(folder: Path, tmp_path_factor
     inside = changed(mesh(str(folder / "meshes/rod.stl")))
     assert 'filename="meshes/rod.stl"' in fix(inside, folder)[0]
     assert fix(changed(mesh(str(outside))), folder)[1] == []
-
-
-def run(arguments: list[str]) -> int:
-    with pytest.raises(SystemExit) as stopped:
-        main(["lint", *arguments])
-    return int(stopped.value.code or 0)
-
-
-def test_command(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = folder / "robot.urdf"
-    path.write_text(GOOD.replace(LIMIT, LIMIT.replace('"7"', '"0"')), encoding="utf-8")
-    assert run([str(path)]) == 0
-    assert "0 errors, 1 warning, 0 notes" in capsys.readouterr().out
-    assert run([str(path), "--strict"]) == 3
-    path.write_text(mutate("negative mass"), encoding="utf-8")
-    assert run([str(path)]) == 3
-    capsys.readouterr()
-    assert run([str(path), "--json"]) == 3
-    said = json.loads(capsys.readouterr().out)
-    assert said["counts"] == {"error": 1, "warning": 0, "note": 0}
-    assert said["findings"][0]["code"] == "negative_mass"
-    assert run([str(path), "--sarif"]) == 3
-    log = json.loads(capsys.readouterr().out)
-    assert log["version"] == "2.1.0"
-    result = log["runs"][0]["results"][0]
-    assert result["level"] == "error"
-    assert result["locations"][0]["physicalLocation"]["region"]["startLine"] == 8
-    assert run([str(path), "--json", "--sarif"]) == 1
-    assert run([str(folder / "gone.urdf")]) == 1
-    assert run([str(folder)]) == 1
-
-
-def test_command_fixes_in_place(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = folder / "robot.urdf"
-    path.write_text(changed((' xyz="0 0 1"', ' xyz="0 0 2"')), encoding="utf-8")
-    assert run([str(path), "--fix"]) == 0
-    assert "normalised the axis of joint 'joint1'" in capsys.readouterr().out
-    assert 'xyz="0 0 1"' in path.read_text(encoding="utf-8")
-    broken = mutate("tag not closed")
-    path.write_text(broken, encoding="utf-8")
-    assert run([str(path), "--fix"]) == 3
-    assert path.read_text(encoding="utf-8") == broken
 
 
 def test_findings_are_plain_data() -> None:

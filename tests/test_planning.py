@@ -6,17 +6,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from snakegen.control.controller import flight_controller
-from snakegen.errors import PlanError, SceneError
+from snakegen.errors import PlanError
 from snakegen.planning.body import PlannedBody
 from snakegen.planning.certificate import Certificate, certify
 from snakegen.planning.follow import Chain, pose_of
-from snakegen.planning.plan_file import RATE_FILTER, PlanFile, read_plan
+from snakegen.planning.plan_file import PlanFile, read_plan
 from snakegen.planning.timing import rates_of, timed
 from snakegen.planning.trajectory import Trajectory
 from snakegen.robot.robot import Robot, load
-from snakegen.scene.schema import Demands, read_scene
-from snakegen.scene.solids import Solid, from_json
+from snakegen.scene.schema import Demands
+from snakegen.scene.solids import Solid
 from snakegen.simulation.flight.postures import bent, place
 
 TURN = pin.utils.rpyToMatrix(0.0, 0.0, 1.0)
@@ -25,9 +24,6 @@ SOLIDS = (
     Solid("post", "cylinder", np.array([-0.9, 0.4, 1.0]), np.eye(3), (0.05, 1.0)),
     Solid("ground", "half_space", np.zeros(3)),
 )
-STEEP_POSE = np.array(
-    [0.26, -0.22, 1.23, 0.69, 0.65, 0.12, 0.01, -0.11, -0.8, -0.02, -0.16, 0.66]
-)  # a root link 54° below the horizontal, headed -45°
 
 
 @pytest.fixture(scope="module")
@@ -182,74 +178,6 @@ def test_a_plan_survives_its_file(body: PlannedBody, path: Trajectory) -> None:
         read_plan(data, "plan")
 
 
-def test_coal_and_solids_agree() -> None:
-    import coal
-
-    rng = np.random.default_rng(4)
-    ball = coal.Sphere(1e-6)
-    for solid in SOLIDS:
-        again = from_json(solid.to_json())
-        points = rng.uniform(-1.5, 1.5, (40, 3))
-        for point, expected in zip(points, again.distances(points), strict=True):
-            if expected > 1e-3:
-                there = coal.Transform3s(solid.rotation, solid.centre)
-                here = coal.Transform3s(np.eye(3), point)
-                result = coal.DistanceResult()
-                found = coal.distance(
-                    solid.shape(), there, ball, here, coal.DistanceRequest(), result
-                )
-                assert found == pytest.approx(expected, abs=2e-5)
-
-
-REFUSED = [
-    ("obstacles: [{size: [1, 1, 1]}]", "obstacle 1: centre: 3 finite numbers"),
-    ("obstacles: [{kind: bx}]", "Did you mean 'box'"),
-    ("obstacles: [{centre: [0, 0, 1500], size: [3000, 3000, 40]}]", "divide by 1000"),
-    ("obstacles: [{centre: [0, 0, 0], size: [0.003, 0.003, 0.001]}]", "multiplied by 1000"),
-    (
-        "obstacles: [{centre: [0, 0, 1], size: [1, 1, 0.1], openings: [{size: [2, 1]}]}]",
-        "reaches beyond the plate",
-    ),
-    ("obstacles: []\nstart: {above: roof}", "no opening 'roof'"),
-    ("obstacles: [{kind: mesh, file: none.stl}]", "none.stl: no such file"),
-    ("obstacles: []\ndemands: {clearence: 1}", "Did you mean 'clearance'"),
-    ("obstacles: []\nstart: {cog: [-2000, 0, 1200]}", "as millimetres it is 2 m"),
-]
-
-
-@pytest.mark.parametrize(("text", "message"), REFUSED, ids=[m for _, m in REFUSED])
-def test_scenes_are_refused_in_words(tmp_path: Path, text: str, message: str) -> None:
-    file = tmp_path / "scene.yaml"
-    file.write_text(text, encoding="utf-8")
-    with pytest.raises(SceneError, match=message):
-        read_scene(file)
-
-
-def test_an_open_mesh_is_refused(tmp_path: Path) -> None:
-    import trimesh
-
-    mesh = trimesh.creation.box((0.4, 0.4, 0.4))
-    mesh.update_faces(np.arange(len(mesh.faces)) > 0)
-    mesh.export(tmp_path / "open.stl")
-    file = tmp_path / "scene.yaml"
-    file.write_text("obstacles: [{kind: mesh, file: open.stl}]", encoding="utf-8")
-    with pytest.raises(SceneError, match=r"open\.stl is not closed: 3 of 18 edges"):
-        read_scene(file)
-
-
-def test_a_cloud_becomes_balls_that_hold_it(tmp_path: Path) -> None:
-    rng = np.random.default_rng(5)
-    points = rng.uniform(0.0, 1.0, (20_000, 3))
-    np.savetxt(tmp_path / "scan.csv", points, delimiter=",", header="x,y,z", comments="")
-    file = tmp_path / "scene.yaml"
-    file.write_text("obstacles: [{kind: points, file: scan.csv, radius: 0.02}]", encoding="utf-8")
-    balls = [s for s in read_scene(file).solids if s.kind == "sphere"]
-    assert len(balls) <= 2000
-    centres, radius = np.array([b.centre for b in balls]), balls[0].size[0]
-    away = np.linalg.norm(points[:200, None] - centres[None], axis=2).min(axis=1)
-    assert np.all(away + 0.02 <= radius + 1e-9)
-
-
 def test_robots_that_cannot_be_planned_for_say_why() -> None:
     for name, why in (("arm6", "does not fly"), ("dragon3", "dual-rotor mode")):
         with pytest.raises(PlanError, match=why):
@@ -271,85 +199,6 @@ def test_a_motion_is_drawn(body: PlannedBody, path: Trajectory, tmp_path: Path) 
     file = tmp_path / "motion.png"
     draw_motion(file, motion, Scene("test", SOLIDS), count=2)  # type: ignore[arg-type]
     assert file.read_bytes()[:4] == b"\x89PNG"
-
-
-def test_tracking_errors_are_those_of_the_error_budget(robot: Robot, body: PlannedBody) -> None:
-    """The planner's two largest sources against every source of the budget that judges flights."""
-    from snakegen.planning.plan_file import SETTLING
-    from snakegen.planning.tracking import MISMATCH, TILT, Tracking
-    from snakegen.simulation.flight import error_budget
-    from snakegen.simulation.flight.planned import follow
-    from snakegen.simulation.flight.plant import Imperfections
-
-    usual = Imperfections()
-    assert (usual.thrust_mismatch, usual.attitude_bias) == (MISMATCH, TILT)
-    poses = np.array([STEEP_POSE, STEEP_POSE])
-    poses[0, 3:] = [0.0, 0.0, 0.3, *bent(robot)]
-    path = Trajectory(np.array([0.0, 6.0]), poses, -0.7854)
-    times = np.linspace(0.0, 6.0, error_budget.INSTANTS)
-    found = Tracking(body.turned(path.heading)).errors(path.at(times), times)
-    plan = follow(robot, path, np.arange(0.0, 6.0, 0.005), np.arange(0.0, 6.0, 0.005),
-                  settling=SETTLING)  # fmt: skip
-    right = error_budget.moving_errors(robot, flight_controller(robot), plan, usual)
-    for pose, mine, other in zip(path.at(times), found, right, strict=True):
-        axes = body.turned(path.heading).attitude(pose[3:6])
-        turned = np.concatenate([mine[:3], axes.T @ mine[3:]])
-        sizes = [np.linalg.norm(e, axis=1) for e in (turned, other)]
-        assert np.all(np.abs(sizes[0] - sizes[1]) <= 0.15 * sizes[1] + 1e-3), sizes
-
-
-def test_slowing_keeps_gimbals_and_thrusts_within_their_rates(
-    body: PlannedBody, path: Trajectory
-) -> None:
-    from snakegen.planning.hover_actuation import actuation, actuator_use
-    from snakegen.planning.timing import slowed
-
-    few = Demands(gimbal_rate=0.3, thrust_rate=1.0)
-    assert actuator_use(body, path, few).max() > 1.0  # the pace before is too fast for them
-    slower = slowed(path, rates_of(body, few), lambda p: actuator_use(body, p, few))
-    t = np.linspace(0.0, slower.times[-1], 4000)
-    found = actuation(body, slower.at(t), slower.at(t, 2)[:, :3])
-    assert np.abs(np.diff(found.thrust, axis=0)).max() / (t[1] - t[0]) <= 1.05
-    turned = np.abs(np.diff(found.angles, axis=0)) / (t[1] - t[0])
-    assert turned[..., 1].max() <= 0.3 * 1.05
-    assert turned[..., 0][found.across[1:] > 0.35].max() <= 0.3 * 1.05
-
-
-def test_hover_forces_hold_the_body(robot: Robot, body: PlannedBody) -> None:
-    """Against the allocation of the posture with its gimbals at hover."""
-    from snakegen.analysis.allocation import allocation
-    from snakegen.planning.hover_actuation import actuation
-
-    now = actuation(body, STEEP_POSE[None])
-    points = body.at_pose(STEEP_POSE).points
-    assert np.allclose(now.forces[0].sum(axis=0), [0.0, 0.0, body.weight], atol=1e-9)
-    assert np.abs(np.cross(points, now.forces[0]).sum(axis=0)).max() < 1e-9
-    q = place(robot, STEEP_POSE[6:], STEEP_POSE[:3], body.attitude(STEEP_POSE[3:6]))
-    a = allocation(robot, q)
-    turn = body.attitude(STEEP_POSE[3:6])
-    weight = np.concatenate([turn.T @ [0.0, 0.0, body.weight], np.zeros(3)])
-    forces = (np.linalg.pinv(a.force) @ weight).reshape(-1, 3)
-    size = np.linalg.norm(forces, axis=1)
-    assert np.allclose(now.thrust[0], size, atol=0.05 * size.max())
-
-
-def test_the_low_pass_of_plans_keeps_roll_gimbals_of_steep_links_quiet(
-    robot: Robot, body: PlannedBody, tmp_path: Path
-) -> None:
-    """Without it they swing at their torque limit; a hover in one steep posture shows it."""
-    from snakegen.simulation.flight.run import prepare
-
-    near = STEEP_POSE + 0.01 * (np.arange(12) == 2)
-    path = Trajectory(np.array([0.0, 2.0]), np.array([STEEP_POSE, near]), -0.7854)
-    shares = []
-    for cutoff in (0.0, RATE_FILTER):
-        file = PlanFile("dragon4", body.names, path, (), None, {}, cutoff)
-        file.write(tmp_path / "hold.yaml")
-        ready = prepare(robot, str(tmp_path / "hold.yaml"), options={"trim": 0.0})
-        noise = np.random.default_rng(0)
-        flown = ready.flown(ready.world(), ready.imperfections, noise, 0, margins=False)
-        shares.append(flown.metrics["gimbal_torque_limit_share"])
-    assert shares[0] > 0.05 and shares[1] == 0.0
 
 
 @pytest.mark.parametrize("good", [True, False])
