@@ -53,7 +53,7 @@ def test_tracking_errors_are_those_of_the_error_budget(robot: Robot, body: Plann
     """The planner's two largest sources against every source of the budget that judges flights."""
     from snakegen.planning.plan_file import SETTLING
     from snakegen.planning.tracking import MISMATCH, TILT, Tracking
-    from snakegen.simulation.flight import error_budget
+    from snakegen.simulation.flight.bounds import error_budget
     from snakegen.simulation.flight.planned import follow
     from snakegen.simulation.flight.plant import Imperfections
 
