@@ -161,6 +161,10 @@ def test_the_page_says_which_drums_carry(screw4):
     assert much["slope_deg"]["left_down"] < 20  # it rolls over
     assert little["pull_n"] < much["pull_n"] <= much["pull_upper_n"]
     assert data["tip_over_deg"]["left_down"] < 30 < data["tip_over_deg"]["nose_up"]
+    assert not data["narrow_stance"] and "narrow stance" not in dict(found.rows())
+    zigzag = screw4.configuration({f"joint{i}_yaw": 0.6 * (-1) ** i for i in (1, 2, 3)})
+    narrow = traction.analyze(screw4, zigzag, friction="0.8")
+    assert narrow.to_json()["narrow_stance"] and "narrow stance" in dict(narrow.rows())
     for text in ("x", "-1", "nan"):
         with pytest.raises(AnalysisError, match="friction"):
             traction.analyze(screw4, screw4.configuration(), friction=text)

@@ -33,6 +33,7 @@ COMMAND = "traction"
 EXAMPLE = "screw4 --friction 0.2,0.8 --joint joint1_yaw=0.5"
 ORDER = 61
 REPORT = False  # some seconds of linear programs
+NARROW = math.radians(8.0)  # play and servos roll a zigzag by 0.11 rad (docs/drives.md)
 _NEW = (0.2, 0.5)  # wet or dusty ground, and smooth ground, beside the robot's own
 
 
@@ -79,12 +80,18 @@ class TractionResult:
     grips: tuple[Grip, ...]
     slope: float
 
+    @property
+    def narrow(self) -> bool:
+        """Whether play and servo give, which figures leave out, may roll it to where it tips."""
+        return min(self.tip_over.values()) < NARROW
+
     def to_json(self) -> dict[str, Any]:
         """Returns plain data; keys carry units."""
         return {
             "load_n": self.load,
             "lifting": list(self.lifting),
             "tip_over_deg": {k: _plain(math.degrees(x)) for k, x in self.tip_over.items()},
+            "narrow_stance": self.narrow,
             "slope_of_pull_and_payload_deg": math.degrees(self.slope),
             "frictions": [grip.to_json() for grip in self.grips],
         }
@@ -96,6 +103,14 @@ class TractionResult:
         out = [("carries, level", f"{carried} N"), ("tips over at", tips)]
         if self.lifting:
             out.append(("may lift", ", ".join(self.lifting)))
+        if self.narrow:
+            side = min(self.tip_over, key=lambda k: self.tip_over[k])
+            roll = _degrees(self.tip_over[side])
+            text = (
+                f"a roll of {roll} {_side(side)} tips it, and play and servos, which are left out"
+            )
+            text += " here, give about as much: pulls to that side are up to 13 % too high"
+            out.append(("narrow stance", text))
         for grip in self.grips:
             label = f"friction {grip.friction:g}"
             for k, held in grip.slopes.items():
