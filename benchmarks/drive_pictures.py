@@ -13,6 +13,7 @@ from pathlib import Path
 import matplotlib
 import mujoco
 import numpy as np
+from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from snakegen.analysis import cables
@@ -31,6 +32,7 @@ DOCS = Path(__file__).parent.parent / "docs"
 POSES = ("stand", "wall", "ceiling", "vertical")
 BENT = {"joint3_yaw": 0.4}
 DISTURBED = 1e-3  # rad
+COLOURS = 128  # of a sheet: a third of its bytes
 LATER = 1.0  # s
 FROM = [0.6, -2.2, -0.2]  # m, of the camera
 
@@ -50,6 +52,9 @@ def sheet(shown: list[tuple[str, Path]], rows: int, out: Path, width: float = 4.
         axis.axis("off")
     figure.tight_layout()
     figure.savefig(out)
+    with Image.open(out) as picture:
+        small = picture.convert("RGB").quantize(COLOURS)
+    small.save(out, optimize=True)
     print(out)
 
 

@@ -145,12 +145,12 @@ class CablesResult:
         else:
             text = "none within the limits of tension"
         if np.isnan(self.limit):
-            limit = "no least tension"
+            limit = "with no --minimum"
         elif np.isinf(self.limit):
-            limit = "any least tension"
+            limit = "with any --minimum"
         else:
-            limit = f"least tensions ≤ {self.limit:.4g} N"
-        return [("least that holds", text), ("held with", limit)]
+            limit = f"with a --minimum of up to {self.limit:.4g} N"
+        return [("least that holds", text), ("would be held", limit)]
 
     def _mujoco_text(self, held: Held) -> str:
         gap = max(abs(held.torque[n] - t) for n, t in zip(self.joints, self.torque, strict=True))
