@@ -79,7 +79,7 @@ def least_forces_into(
 ) -> None:
     """Writes the forces (3Ñ,) of a pseudo-inverse, which may pass their limits: eq 36.
 
-    Least ``Σ (‖f_j‖/limit_j)²``; where the map lacks rank, the nearest wrench in the norm of S.
+    Least ``Σ (‖f_j‖/limit_j)²``; of a rank-deficient map the nearest wrench in the norm of S.
     """
     n = forces.shape[0]
     q, w, weight = scratch((6, n)), scratch(6), scratch(n)

@@ -1,4 +1,4 @@
-"""Dual-rotor thrusts for gimbals that give way: unequal thrusts twist the servo that holds them.
+"""Dual-rotor allocation with gimbal-servo compliance: unequal thrusts deflect the gimbal.
 
 A servo stands off its command by its load over its stiffness. A hundredth of a radian tilts m g by
 as much torque as rotor drag has to give about yaw, so an allocator that plans with the commanded

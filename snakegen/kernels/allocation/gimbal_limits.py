@@ -30,7 +30,7 @@ LEAST, NEAR, CALMLY = 0, 1, 2  # which of all the answers
 ROUNDS = 20  # of bounded allocation and aiming
 AT_REST = 1e-4  # rad, of the last round: what it leaves of the wrench is of second order, 1e-8
 LEAST_TURNED = 0.5  # N; what turns a lesser force moves its point for next to nothing
-LEAST_SWEPT = 0.05  # of ‖∂u/∂x‖²; less is too near θ = ±90° to be told by a derivative
+LEAST_SWEPT = 0.05  # of ‖∂u/∂x‖²; less is too near θ = ±90° for a derivative to show it
 
 
 @bare

@@ -13,7 +13,7 @@ from snakegen.kernels.core.stack_arrays import scratch
 from snakegen.kernels.core.types import Body, Floats, Gimbals, Tree
 from snakegen.kernels.dynamics.joint_loads import rotor_loads_into
 
-STRAIN_TIME = 0.5  # s, of the smoothing: slow beside the attitude loop, fast beside a lasting push
+STRAIN_TIME = 0.5  # s, of the smoothing: slower than the attitude loop, faster than a lasting push
 
 
 @bare

@@ -21,7 +21,7 @@ class Measured(NamedTuple):
     angular: Floats  # (3,) rad/s, of body 0
     angles: Floats  # (n-1,) rad, every joint of the tree, gimbals included
     rates: Floats  # (n-1,) rad/s
-    torques: Floats = np.zeros(0)  # (k,) N·m, of the law's joints, by their servos; or not told
+    torques: Floats = np.zeros(0)  # (k,) N·m, of the law's joints, by servos; empty where unknown
 
 
 class Target(NamedTuple):
@@ -46,7 +46,7 @@ class Law(NamedTuple):
     tilt_limit: float  # rad, clamp of commanded roll and pitch
     gimbal_lower: Floats  # (Ñ, 2) rad, roll and pitch
     gimbal_upper: Floats  # (Ñ, 2) rad
-    gimbal_give: Floats  # (Ñ, 2) rad/(N·m), roll and pitch: by how much their servos give way
+    gimbal_give: Floats  # (Ñ, 2) rad/(N·m), roll and pitch: compliance of their servos
     axes_body: int  # body whose axes the CoG frame has
     axes_rotation: Floats  # (3, 3) CoG axes in that body's axes
     gyroscopic: int  # 1 adds ω × I ω to the torque

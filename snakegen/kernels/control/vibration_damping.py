@@ -1,6 +1,6 @@
 """Vibration suppression by internal forces: redundant thrust damps what bends (ZN23 section 6).
 
-ZN23 names it as future work after Maki et al. (RA-L 7, 2022). Here: hinges that give way (springs
+ZN23 names it as future work after Maki et al. (RA-L 7, 2022). Here: compliant hinges (springs
 of links, servos) move the thrust points at velocities v; ``δf = −c P v``, P the orthogonal
 projector onto the null space of the allocation. So the net wrench stays what the pose law asks
 for, rigid motions (the range of ``Qᵀ``) are left alone, and the power ``v·δf = −c ‖P v‖²`` of ideal
@@ -69,7 +69,7 @@ def swinging(damper: Damper, hinges: Floats, dt: float) -> Floats:
     ``a' = v, v' = −ω² a + l (u − v)`` for each mode, u its measured speed: from u to v a band of
     l = ω / SHARPNESS about ω, without lag there (semi-implicit Euler). Since actuators lag by T,
     what comes out is led at ω: ``v − T ω² a``, which is v + T v' there and adds nothing to faster
-    modes; what is slower passes by −T l, of no weight beside the stiffness that rules it.
+    modes; what is slower passes by −T l, negligible against the stiffness that rules it.
     """
     speed, out = damper.pull @ hinges, np.zeros(hinges.shape[0])
     place, rate = damper.swing
@@ -90,11 +90,11 @@ def internal(q: Floats, weight: Floats, speed: Floats) -> Floats:
 
     Weights are 1, or 0 for a column that is lost and stays out.
     """
-    kept, told = speed * weight, np.zeros(q.shape[0])
+    kept, modal = speed * weight, np.zeros(q.shape[0])
     for i in range(q.shape[0]):
         for c in range(kept.shape[0]):
-            told[i] += q[i, c] * kept[c]
-    seen = least_norm(q, weight, told)
+            modal[i] += q[i, c] * kept[c]
+    seen = least_norm(q, weight, modal)
     for c in range(kept.shape[0]):
         kept[c] -= seen[c]
     return kept

@@ -29,7 +29,7 @@ from snakegen.kernels.core.vec3 import (
 class Loads(NamedTuple):
     """k external wrenches that keep their direction in the world while their body moves."""
 
-    body: Ints  # (k,) the body that bears it
+    body: Ints  # (k,) the body that carries it
     point: Floats  # (k, 3) m, where it acts, body frame
     wrench: Floats  # (k, 6) [force; torque about that point], world axes
 

@@ -61,7 +61,7 @@ def damped_right_inverse(
 def limited_step(
     J: Floats,
     wanted: Floats,
-    wish: Floats,
+    preferred: Floats,
     below: Floats,
     above: Floats,
     floor: float,
@@ -69,13 +69,13 @@ def limited_step(
 ) -> Step:
     """Returns the joint step ``J⁺ Δx + (E - J⁺J) Δq_0`` inside the room that the limits leave.
 
-    A joint that would pass a limit is stopped there and the others make up for it; the wish is
-    added afterwards, as far as room is left: redundancy pays for limits first, then for wishes.
+    A joint that would pass a limit is stopped there and the others make up for it; the preferred
+    motion is added afterwards, as far as room is left: redundancy serves limits first.
 
     Args:
         J: (k, n) task Jacobian.
         wanted: (k,) task displacement Δx.
-        wish: (n,) joint displacement Δq_0 that is taken as far as the task leaves it free.
+        preferred: (n,) joint displacement Δq_0 that is taken as far as the task leaves it free.
         below, above: (n,) room to the limits, below ≤ 0 ≤ above.
         floor, most: damping, as in `damped_right_inverse`.
     """
@@ -93,17 +93,19 @@ def limited_step(
         free[i] = False
         fixed[i] = above[i] if step[i] > above[i] else below[i]
     step = np.clip(step, below, above)
-    if np.any(wish):
-        step = step + _spare_motion(J, wish, free, below - step, above - step)
+    if np.any(preferred):
+        step = step + _spare_motion(J, preferred, free, below - step, above - step)
     return Step(np.clip(step, below, above), rank, sigma, ~free, damping)
 
 
-def _spare_motion(J: Floats, wish: Floats, free: Flags, below: Floats, above: Floats) -> Floats:
-    """Returns the wish's part that moves no task, no joint past its limit."""
+def _spare_motion(
+    J: Floats, preferred: Floats, free: Flags, below: Floats, above: Floats
+) -> Floats:
+    """Returns the part of the preferred motion that moves no task, no joint past its limit."""
     while True:
         held = J * free
-        wished = wish * free
-        move = free * (wished - np.linalg.pinv(held, rcond=1e-6) @ (held @ wished))
+        masked = preferred * free
+        move = free * (masked - np.linalg.pinv(held, rcond=1e-6) @ (held @ masked))
         stuck = free & (((above <= 1e-12) & (move > 1e-15)) | ((below >= -1e-12) & (move < -1e-15)))
         if not np.any(stuck):
             break

@@ -36,7 +36,7 @@ def tip_jacobian(
     """Returns a point's place, its body's attitude and their Jacobian by the joints.
 
     ``[ṗ; ω] = J θ̇``: the columns of the twist matrix between base and `body`, moved to the point
-    (ZS24 eq 3: there the point is the base origin); zero for joints beside that path.
+    (ZS24 eq 3: there the point is the base origin); zero for joints off that path.
 
     Args:
         tree: the robot's n bodies.

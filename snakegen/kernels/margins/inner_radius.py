@@ -74,7 +74,7 @@ def simplex(points, count, facets, planes):
 
 @bare
 def insert(points, new, facets, planes, count, edges, slack):
-    """Adds point `new`: its visible facets give way to a fan.
+    """Adds point `new`: a fan replaces its visible facets.
 
     Returns the number of facets and the one nearest to the origin; 0 facets where rounding has
     torn the polytope and they outgrow their arrays.

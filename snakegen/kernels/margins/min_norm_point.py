@@ -120,7 +120,7 @@ def nearest(a, y, x):
             points[k, c], best[c] = p[c], x[c]
         weights[k] = 0.0
         k = _descend(points, weights, k + 1, h, target)
-        if k == 0:  # rounding: no better point can be told apart
+        if k == 0:  # rounding: no better point can be distinguished
             x[:] = best
             break
     for c in range(d):

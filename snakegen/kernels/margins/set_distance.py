@@ -49,7 +49,7 @@ def distance(sets, hover, twist):
         if k == 0:
             high = min(high, np.sqrt((best**2).sum()))
         k = _descend(points, weights, k + 1, h, target)
-        if k == 0:  # rounding: no better point can be told apart
+        if k == 0:  # rounding: no better point can be distinguished
             break
         for c in range(6):
             x[c] = 0.0

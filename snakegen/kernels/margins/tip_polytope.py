@@ -1,4 +1,4 @@
-"""The wrenches that a tip can bear within the joint torque limits: ``|τ0 - Jᵀ w| ≤ limit``.
+"""The wrenches that a tip can carry within the joint torque limits: ``|τ0 - Jᵀ w| ≤ limit``.
 
 A polytope in wrench space with two faces a joint (THEORY C: τ = τ0 - Jᵀ w_ext). Every question
 about one direction is closed form; only the corners need a hull.

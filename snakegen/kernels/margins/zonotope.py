@@ -62,7 +62,7 @@ def _outside(a, y, margin, normals):
 
 @jit
 def _within(a, y, margin, normals, squared, spare):
-    """Margins (3,) where `a` (d, n) lacks rank: in its own subspace. Returns the rank."""
+    """Margins (3,) where `a` (d, n) is rank-deficient: in its own subspace. Returns the rank."""
     rows, stack, sizes, span = spare
     d, n = a.shape
     basis, lost = subspace(a, RANK_TOLERANCE)
