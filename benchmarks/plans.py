@@ -21,11 +21,11 @@ from plan_check import below_bounds
 
 from snakegen.base import yaml_file
 from snakegen.errors import PlanError
-from snakegen.planning.motion_search import search
 from snakegen.planning.plan_file import read_plan
 from snakegen.robot.robot import Robot, load
 from snakegen.scene.schema import read_scene
 from snakegen.simulation.flight.run import prepare
+from snakegen.simulation.trial_flight import search_and_fly
 from snakegen.spec.loading import load_spec
 
 LINKS = (4, 6, 8)
@@ -89,8 +89,12 @@ def searched(robot: Robot, data: dict[str, Any], folder: Path, seed: int) -> dic
     start = time.process_time()
     motion, unmet = None, ["no way"]
     try:
-        motion = search(robot, place, minutes=MINUTES, seed=seed, clock=time.process_time)
+        motion, trial = search_and_fly(
+            robot, place, minutes=MINUTES, seed=seed, clock=time.process_time
+        )
         unmet = motion.unmet(place.demands)
+        if trial is not None and not trial.passed:
+            unmet = [f"its trial flight fails {', '.join(trial.failed)}"]
         why = "; ".join(unmet)
     except PlanError as error:
         why = str(error)
@@ -102,13 +106,13 @@ def searched(robot: Robot, data: dict[str, Any], folder: Path, seed: int) -> dic
     return row
 
 
-def flown(robot: Robot, path: Path) -> dict[str, Any]:
-    """Returns what the check of a plan's certificate and its flight, seed 0, say."""
+def flown(robot: Robot, path: Path, seed: int) -> dict[str, Any]:
+    """Returns what the check of a plan's certificate and its flight say."""
     plan = read_plan(yaml_file.read(path), path.name)
     row: dict[str, Any] = {"below": below_bounds(robot, plan.path, plan.solids, plan.certificate)}
     ready = prepare(robot, str(path))
-    noise = np.random.default_rng(0)
-    recording = ready.flown(ready.world(), ready.imperfections, noise, 0, margins=False)
+    noise = np.random.default_rng(seed)
+    recording = ready.flown(ready.world(), ready.imperfections, noise, seed, margins=False)
     m = recording.metrics
     names = ("position_rmse_m", "attitude_rmse_rad", "position_max_m", "saturation_share",
              "gimbal_torque_limit_share", "min_obstacle_distance_m")  # fmt: skip
@@ -173,7 +177,11 @@ def main() -> None:
             if files[part].exists():
                 continue
             if part == "fly":
-                row = flown(robot, folder / "plan.yaml") if (folder / "plan.yaml").exists() else {}
+                row = (
+                    flown(robot, folder / "plan.yaml", given.seed + 1)
+                    if (folder / "plan.yaml").exists()
+                    else {}
+                )
             elif part == "bare" and solved(files["search"]):
                 row = {}
             else:

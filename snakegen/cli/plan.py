@@ -25,7 +25,7 @@ _UNITS = {"clearance": "m", "self_clearance": "m", "force_margin": "N", "torque_
 @click.option("-o", "--out", metavar="PLAN.yaml", type=click.Path(), help="The plan to write.")
 @click.option(
     "--seed", type=int, default=0, show_default=True, callback=at_least(0),
-    help="Taken for scripts; the search draws nothing at random.",
+    help="Of the trial flight; the search draws nothing at random.",
 )  # fmt: skip
 @click.option(
     "--minutes",
@@ -57,8 +57,9 @@ def plan(
 
     SCENE.yaml names obstacles, start, goal and demands; the name of a shipped scene (ceiling,
     doorway, pipe, bent_pipe, two_openings) does too. Clearance and margins are proved between
-    waypoints. The plan is a mission file for `snakegen analyze flight`. Exit code 3 where no
-    motion could be certified: nothing is written then.
+    waypoints; a motion is flown once with the usual noise, and planned again where it fails. The
+    plan is a mission file for `snakegen analyze flight`. Exit code 3 where no motion could be
+    certified, or none flies: nothing is written then.
 
     \b
     Example:
@@ -67,9 +68,9 @@ def plan(
     """
     from snakegen.base.atomic_io import check_writable, write_atomically
     from snakegen.errors import PlanError
-    from snakegen.planning.motion_search import search
     from snakegen.planning.strobe_instants import draw_motion
     from snakegen.scene.schema import read_scene
+    from snakegen.simulation.trial_flight import search_and_fly
 
     check_ending("-o", out, ".yaml", ".yml")
     check_ending("--picture", picture, ".png")
@@ -94,9 +95,12 @@ def plan(
     place = read_scene(path)
     check_writable(target)
     said = None if as_json else note
-    motion = search(robot, place, minutes=minutes, seed=seed, progress=said, advise=True)
+    motion, trial = search_and_fly(
+        robot, place, seed=seed, progress=said, minutes=minutes, advise=True
+    )
     unmet = motion.unmet(place.demands)
-    if not unmet:
+    flies = trial is not None and trial.passed
+    if flies:
         motion.file(place).write(target)
     if picture is not None:
         draw_motion(Path(picture), motion, place)
@@ -106,7 +110,8 @@ def plan(
         "certified": not unmet,
         "unmet": unmet,
         "would_do": motion.advice or None,
-        "plan": None if unmet else str(target),
+        "trial_flight": None if trial is None else trial.to_json(),
+        "plan": str(target) if flies else None,
         "duration_s": float(motion.path.times[-1]),
         "waypoints": len(motion.path.times),
         "seeds_tried": motion.tried,
@@ -119,7 +124,7 @@ def plan(
         print_json(result)
     else:
         _print(result, motion)
-    return 3 if unmet else 0
+    return 0 if flies else 3
 
 
 def _print(result: dict[str, Any], motion: Any) -> None:
@@ -143,11 +148,21 @@ def _print(result: dict[str, Any], motion: Any) -> None:
         )
     if motion.battery > 0.0:
         click.echo(f"  battery         {100 * motion.battery:.0f} % of its energy")
-    if result["certified"]:
+    trial = result["trial_flight"]
+    if result["plan"]:
+        click.echo(
+            f"  trial flight    passed every check (noise and mismatch of seed {trial['seed']})"
+        )
         click.echo(f"certified for hover along the path: {result['plan']}")
         click.echo(
             "not covered by the certificate: tracking errors, wind, the air that rotors stir; "
             f"fly it: snakegen analyze flight {result['robot']} --mission {result['plan']}"
+        )
+    elif trial is not None:
+        ended = f"; {trial['stopped']}" if trial["stopped"] else ""
+        click.echo(
+            f"certified for hover, but its trial flight fails {', '.join(trial['failed'])}{ended}; "
+            "nothing was written: a scene that demands a larger torque_margin keeps the body bent"
         )
     else:
         reasons = [*result["unmet"], *([motion.advice] if motion.advice else [])]
