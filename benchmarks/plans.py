@@ -21,6 +21,7 @@ from plan_check import below_bounds
 
 from snakegen.base import yaml_file
 from snakegen.errors import PlanError
+from snakegen.planning.motion_search import search
 from snakegen.planning.plan_file import read_plan
 from snakegen.robot.robot import Robot, load
 from snakegen.scene.schema import read_scene
@@ -81,17 +82,24 @@ def plate(
     return {"name": name, "centre": centre, "size": size, "openings": [opening]}
 
 
-def searched(robot: Robot, data: dict[str, Any], folder: Path, seed: int) -> dict[str, Any]:
-    """Returns whether a scene is solved; writes it, and the plan where it has one."""
+def searched(
+    robot: Robot, data: dict[str, Any], folder: Path, seed: int, *, fly: bool
+) -> dict[str, Any]:
+    """Returns whether a scene is solved; writes it, and the plan where it has one.
+
+    With `fly` as `snakegen plan` does it: a motion that falls in its trial flight is none.
+    """
     path = folder / "scene.yaml"
     path.write_text(yaml_file.dump(data), encoding="utf-8")
     place = read_scene(path)
     start = time.process_time()
     motion, unmet = None, ["no way"]
     try:
-        motion, trial = search_and_fly(
-            robot, place, minutes=MINUTES, seed=seed, clock=time.process_time
-        )
+        options: dict[str, Any] = {"minutes": MINUTES, "seed": seed, "clock": time.process_time}
+        if fly:
+            motion, trial = search_and_fly(robot, place, **options)
+        else:
+            motion, trial = search(robot, place, **options), None
         unmet = motion.unmet(place.demands)
         if trial is not None and not trial.passed:
             unmet = [f"its trial flight fails {', '.join(trial.failed)}"]
@@ -190,7 +198,7 @@ def main() -> None:
                 where = folder if part == "search" else folder / "bare"
                 where.mkdir(exist_ok=True)
                 more = {} if part == "search" else free
-                row = searched(robot, data | more, where, given.seed)
+                row = searched(robot, data | more, where, given.seed, fly=part == "search")
             if row:
                 keep(files[part], label | row)
     print("\n".join(totals(given.folder)))
