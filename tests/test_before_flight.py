@@ -168,3 +168,18 @@ def test_a_body_that_unequal_rotors_tip_over_is_refused(
         assert prepare(calm, "hover", options=options).robot is calm
     else:
         assert run(robot, "hover", options={"duration": 10.0}, seed=2).verdict.passed
+
+
+@pytest.mark.parametrize("limit, flies", [(0.02, False), (0.1, True)])
+def test_gimbals_too_narrow_for_unequal_rotors_are_refused(limit: float, flies: bool) -> None:
+    """Of ±0.02 rad hover is feasible, and six of eight draws fall with the usual mismatch."""
+    limits = [f"vectoring_apparatus.{axis}_limit={limit}" for axis in ("roll", "pitch")]
+    robot = changed("dragon4", *limits)
+    bent = {f"joint{i}_yaw": 1.0 for i in (1, 2, 3)}
+    options = {"duration": 2.0, "posture": bent}
+    if flies:
+        assert prepare(robot, "hover", options=options).robot is robot
+        return
+    with pytest.raises(MissionError, match=r"limited gimbals.*force margin is 1.86 N.*dual_rotor"):
+        prepare(robot, "hover", options=options)
+    assert prepare(robot, "hover", options=options, ideal=True).robot is robot

@@ -18,13 +18,10 @@ from snakegen.kernels.allocation.mode_blending import DUAL_SIGMA_MIN
 from snakegen.kernels.allocation.underactuated import level_axes, rotor_map
 from snakegen.kernels.control.types import DUAL, VIRTUAL, Command, Measured, Target
 from snakegen.robot.robot import GRAVITY, Robot
-from snakegen.simulation.flight.bounds.error_budget import sources
 from snakegen.simulation.flight.plan import Plan, is_constant
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.postures import driven_joints, place, turning_rates
 from snakegen.simulation.flight.world import make_world
-
-_TIPS = 0.75  # rad
 
 
 def check_references(robot: Robot, plan: Plan) -> None:
@@ -133,40 +130,6 @@ def check_start(robot: Robot, controller: Controller, plan: Plan, *, force: bool
             f"{100 * unmet:.2g} % of the weight unbalanced. What would hover: "
             f"{_remedy(robot, controller, plan, frame)}."
         )
-
-
-def check_levers(
-    robot: Robot, controller: Controller, plan: Plan, imperfections: Imperfections
-) -> None:
-    """Refuses a body that unequal rotors tip over before the integrals hold them.
-
-    A constant angular acceleration α leaves ``α / K_p`` until the integral has learned it. Where
-    one standard deviation of it tilts a body without gimbals by more than `_TIPS`, thrust no longer
-    bears the weight of the unlucky ones: of hexarotors and quadrotors with a radius of gyration of
-    35 mm, all of ten draws pass below .7 rad, nine at .8, eight at 1.0, none above 1.4.
-
-    Raises:
-        MissionError: names acceleration, tilt and what would fly.
-    """
-    if controller.mode != DUAL:
-        return
-    found = sources(robot, controller, plan.joints[0], imperfections).acceleration
-    turned = float(np.linalg.norm(found[3:5], axis=1).max())
-    tilt = turned / float(np.min(controller.law.torque[0][:2]))
-    if tilt <= _TIPS:
-        return
-    q = place(robot, plan.joints[0], np.array([0.0, 0.0, 2.0]))
-    frame = allocation(robot, q)
-    gyration = float(np.sqrt(np.min(np.diag(frame.inertia)[:2]) / frame.mass))
-    lever = float(np.linalg.norm(frame.rotor_positions[:, :2], axis=1).max())
-    raise MissionError(
-        f"{robot.name} tips over before its integrals hold unequal rotors: they turn it by "
-        f"{turned:.3g} rad/s² (one standard deviation), which tilts it by {tilt:.2f} rad at its "
-        f"gain; up to {_TIPS:g} rad are flown. Its radius of gyration is {1e3 * gyration:.3g} mm, "
-        f"its rotors are up to {lever:.3g} m off: give it the inertia that arms and motors have, "
-        f"a smaller plant.thrust_mismatch (now {imperfections.thrust_mismatch:g}), or fly the "
-        "ideal plant."
-    )
 
 
 def _way_out(robot: Robot, frame: CogFrame) -> str:

@@ -22,13 +22,13 @@ from snakegen.simulation.flight.plan import Plan
 from snakegen.simulation.flight.plant import Imperfections
 from snakegen.simulation.flight.preflight import (
     check_air,
-    check_levers,
     check_references,
     check_start,
 )
 from snakegen.simulation.flight.prepared_run import MODES, PreparedRun
 from snakegen.simulation.flight.reference_limits import check_motion
 from snakegen.simulation.flight.scene_geoms import described
+from snakegen.simulation.flight.tipping import check_levers
 from snakegen.simulation.flight.trim import TrimOption, trimmed, usual_seconds
 from snakegen.simulation.flight.vibration import Damping, check_redundancy
 from snakegen.simulation.missions import is_file, mission
