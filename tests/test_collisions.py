@@ -68,7 +68,7 @@ def test_a_straight_arm_over_a_box_and_the_floor(arm):
 
 def test_reach_goes_round_an_obstacle(arm):
     """A box where the first resting posture has its body: another posture keeps clear."""
-    port = "1.25,0.08,0.08,1,0,0,0.06"
+    port = "1.25,0.08,0.08,1,0,0,0.1"
     q = arm.configuration()
     plain = reach.analyze(arm, q, port=port, depth=0.1, duration=1.0)
     assert plain.complete and plain.nearest.free

@@ -56,7 +56,7 @@ def test_mesh_payload(tool, tmp_path):
         ("C:tool.stl", "outside"),
         ("package://a/tool.stl", "outside"),
         ("tool.dae", "neither"),
-        ("lost.stl", "does not exist"),
+        ("lost.stl", "no such file"),
         ("ducted_fan.stl", "cannot be used"),
         ("text.stl", "binary"),
         ("open.stl", "closed"),

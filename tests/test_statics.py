@@ -193,7 +193,7 @@ def test_rows_name_the_hardest_joint_first_and_text_options_read_as_numbers(robo
         ({"wrenches": {"link7": np.full(6, np.nan)}}, AnalysisError, "NaN"),
         ({"v": np.zeros(3)}, AnalysisError, "v: 3 numbers given"),
         ({"gravity": "down"}, AnalysisError, "gravity"),
-        ({"terms": "dynamic"}, AnalysisError, "none of static"),
+        ({"terms": "dynamic"}, AnalysisError, "terms must be one of static"),
         ({"hold": "hover"}, AnalysisError, "fixed base"),
         ({"direction": (0, 0, 0)}, AnalysisError, "direction"),
         ({"tip": "link9"}, DescriptionError, "link9"),

@@ -246,13 +246,14 @@ def _clear_of_contact(
     """Follows a path from resting postures, the given one first, until one keeps clear.
 
     Returns the tree's angles at the start, by how much that misses the first point [m], the track,
-    its least distance and how many were tried: of the longest track, the one with most clearance.
+    its least distance and how many were tried: of the longest track, the one that fits the port,
+    then the one with most clearance.
     """
     names = tuple(chain.robot.joint_names[j] for j in chain.joints)
     rng = np.random.default_rng(0)
     middle, half = 0.5 * (chain.lower + chain.upper), 0.5 * (chain.upper - chain.lower)
     kept: tuple[Floats, float, Track | None, Nearest | None] | None = None
-    rank = (-1.0, 0.0)
+    rank = (-1.0, False, 0.0)
     for k in range(tries):
         begin, options = full, loop
         if k > 0:
@@ -262,10 +263,15 @@ def _clear_of_contact(
         start, missed, _ = reach_point(chain, begin, path[0], options)
         track = follow(chain, start, path, options) if missed <= loop.give_up else None
         near = None if track is None else world.nearest(track.angles, names)
-        made = (-1.0, 0.0) if track is None or near is None else (track.length, near.distance)
+        fits, made = False, (-1.0, False, 0.0)
+        if track is not None and near is not None:
+            fits = track.clearance >= world.thickest
+            made = (track.length, fits, near.distance)
         if kept is None or made > rank:
             kept, rank = (start, missed, track, near), made
-        if track is None or near is None or (near.free and (k == 0 or track.complete)):
+        if track is None or near is None:
+            break
+        if near.free and (k == 0 or (track.complete and fits)):
             break
     if kept is None:
         raise AnalysisError("at least one posture must be tried.")
