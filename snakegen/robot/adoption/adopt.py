@@ -15,6 +15,11 @@ from snakegen.robot.adoption.adopted_yaml import Drafted, to_yaml
 from snakegen.robot.adoption.motor_plugins import MotorPlugin, motor_plugins
 from snakegen.robot.adoption.rotor_evidence import RotorCandidate, UrdfTree, rotors, tilting
 from snakegen.robot.adoption.rotor_frames import frames_left, with_peers
+from snakegen.robot.adoption.rotor_layout import (
+    alternating_spins,
+    loses_an_axis,
+    point_all_ways,
+)
 from snakegen.spec.urdf import read_urdf
 
 _GRAVITY = 9.81  # m/s²
@@ -91,7 +96,7 @@ class _Draft:
             by_name.get(c.link) or (by_name.get(c.shaft.name) if c.shaft else None) for c in found
         ]
         self.tilted = tilting(tree, found)
-        self.all_ways = self._all_ways()
+        self.all_ways = point_all_ways(tree, found, self.tilted)
         self.axes = [self._axis(c) for c in found]
         self.world = np.array(
             [
@@ -109,28 +114,12 @@ class _Draft:
         out: dict[str, Any] = {"floating_root": self._root()}
         if length := self._length():
             out["link_length"] = length
-        if self._loses_an_axis():
+        spins = [spin.value for spin in self.spins]
+        if loses_an_axis(self.tree, self.found, self.tilted, self.points, self.world, spins):
             why = "free gimbals leave an axis without force; unequal thrusts fly it"
             out["control"] = {"mode": Drafted("dual_rotor", why, True)}
         out["apparatuses"] = self._apparatuses()
         return out
-
-    def _loses_an_axis(self) -> bool:
-        """Tells whether free gimbals command fewer than six axes, and held ones hover and turn."""
-        held, free = [], []
-        for k, c in enumerate(self.found):
-            arm = self.points[k] - self.points.mean(axis=0)
-            thrust = self.world[k]
-            held.append(np.r_[thrust, np.cross(arm, thrust) - 0.02 * self.spins[k].value * thrust])
-            free.append(held[-1])
-            for link in self.tilted[c.link]:
-                axis = numbers(self.tree.above[link].find("axis"), "xyz", 3) or (1.0, 0.0, 0.0)
-                turned = np.cross(self.tree.poses[link][:3, :3] @ np.array(axis), thrust)
-                free.append(np.r_[turned, np.cross(arm, turned)])
-        if len(free) == len(held):
-            return False  # no gimbals: that mode already
-        ranks = [int(np.linalg.matrix_rank(np.array(rows), tol=1e-3)) for rows in (free, held)]
-        return ranks[0] < 6 and ranks[1] >= 4
 
     def _root(self) -> Drafted:
         top = self.tree.top
@@ -218,15 +207,6 @@ class _Draft:
             return Drafted(-axis, f"against the {along}: upwards with all joints at 0", flipped)
         return Drafted(axis, f"along the {along}, upwards with all joints at 0", c.shaft is None)
 
-    def _all_ways(self) -> bool:
-        """Tells whether fixed rotors point all ways: no direction is much weaker than another."""
-        if any(self.tilted.values()):
-            return False
-        own = [np.array([0.0, 0.0, 1.0]) if c.shaft is None else c.shaft.axis for c in self.found]
-        turned = [self.tree.poses[c.link][:3, :3] @ a for c, a in zip(self.found, own, strict=True)]
-        sigma = np.linalg.svd(np.array(turned), compute_uv=False)
-        return len(turned) >= 6 and bool(sigma[-1] > 0.5 * sigma[0])
-
     def _global_ratio(self) -> Drafted:
         for tag in _DRAG_TAGS:
             node = self.tree.root.find(tag)
@@ -243,7 +223,8 @@ class _Draft:
         shafts = [self._along(k) for k in range(len(self.found))]
         if None not in shafts and len(set(shafts)) == 2:
             return [Drafted(s or 1.0, _BY_SHAFT, self.ratio.guess) for s in shafts]
-        guessed = self._alternating()
+        groups = [self.tilted[c.link] for c in self.found]
+        guessed = alternating_spins(groups, self.points)
         return [
             s or Drafted(g, "neighbours turn against each other", True)
             for s, g in zip(named, guessed, strict=True)
@@ -266,33 +247,6 @@ class _Draft:
             if "cw" in low or "clockwise" in low:
                 return Drafted(-1.0, f"name '{name}'")
         return None
-
-    def _alternating(self) -> list[float]:
-        """Returns spins that alternate: within a pair, over levels, and around the centre."""
-        out = [0.0] * len(self.found)
-        groups: dict[tuple[str, ...], list[int]] = {}
-        for k, c in enumerate(self.found):
-            groups.setdefault(self.tilted[c.link] or ("body",), []).append(k)
-        pairs = [g for key, g in groups.items() if len(g) > 1 and key != ("body",)]
-        for members in pairs:
-            for n, k in enumerate(members):
-                out[k] = 1.0 if n % 2 == 0 else -1.0
-        rest = [k for k in range(len(self.found)) if out[k] == 0.0]
-        centre = self.points[rest].mean(axis=0) if rest else np.zeros(3)
-        away = self.points[rest] - centre
-        angle = np.round(np.arctan2(away[:, 1], away[:, 0]), 6)
-        order = sorted(range(len(rest)), key=lambda i: (angle[i], -away[i, 2]))
-        stacks: list[list[int]] = []
-        for i in order:  # rotors on one vertical are a coaxial pair
-            stack = stacks[-1] if stacks else None
-            if stack and np.linalg.norm((away[i] - away[stack[0]])[:2]) < 1e-3:
-                stack.append(i)
-            else:
-                stacks.append([i])
-        for n, stack in enumerate(stacks):
-            for level, i in enumerate(stack):
-                out[rest[i]] = 1.0 if (n + level) % 2 == 0 else -1.0
-        return out
 
     def _thrusts(self) -> list[tuple[Drafted, Drafted]]:
         """Returns least and most thrust of each rotor."""
