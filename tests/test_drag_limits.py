@@ -28,7 +28,8 @@ def test_gimbal_limits_that_bind_nothing_leave_the_margins():
     b = random_body(np.random.default_rng(5), 4)
     free, turned = margins_of(b), margins_of(b, gimbal_limits=[np.pi, 0.5 * np.pi])
     assert not turned.hull
-    np.testing.assert_array_equal(turned.bounds, free.bounds)
+    # a kernel that is compiled between the two calls gives other round-off than plain NumPy
+    np.testing.assert_allclose(turned.bounds, free.bounds, rtol=1e-6)
 
 
 def reached(b: SimpleNamespace, limit: float, u: np.ndarray) -> float:

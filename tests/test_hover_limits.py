@@ -27,13 +27,12 @@ BEND = {"joint1_pitch": 0.8, "joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw":
 ARC = {"joint1_yaw": 1.0, "joint2_yaw": 1.0, "joint3_yaw": 1.0}
 
 
-def limited(limit: float = 3.14159265, least: float = 0.0) -> Robot:
+def limited(limit: float = 3.14159265, least: float = 0.0, *more: str) -> Robot:
     """Returns dragon4 with gimbals of ±limit [rad] and a least thrust [N] of each rotor."""
     section = "vectoring_apparatus"
     given = {"roll_limit": limit, "pitch_limit": limit, "thrust_min": least}
-    return snakegen.load(
-        load_spec("dragon4", overrides=[f"{section}.{k}={v}" for k, v in given.items()])
-    )
+    overrides = [*(f"{section}.{k}={v}" for k, v in given.items()), *more]
+    return snakegen.load(load_spec("dragon4", overrides=overrides))
 
 
 def hovering(robot: Robot, posture: dict[str, float]) -> Hover:
@@ -145,10 +144,15 @@ def test_mode_switches_count_limits(
 
 
 def test_the_verdict_names_gimbals_at_their_limits() -> None:
-    """A body hovers on gimbals of ±0.05 rad; at ±0.01 the verdict fails and names a gimbal."""
+    """A body hovers on gimbals of ±0.05 rad; at ±0.01 the verdict fails and names a gimbal.
+
+    Of equal rotors: unequal ones are refused before take-off.
+    """
     shares = {}
     for limit in (3.14159265, 0.05, 0.01):
-        recording = run(limited(limit), "hover", options={"duration": 2.0, "posture": ARC})
+        equal = ["plant.thrust_mismatch=0"] if limit < 0.05 else []
+        robot = limited(limit, 0.0, *equal)
+        recording = run(robot, "hover", options={"duration": 2.0, "posture": ARC})
         checks = {c.metric: c for c in recording.verdict.checks}
         shares[limit] = checks.get("gimbal_angle_limit_share")
         command = recording.channel("gimbal_command").values
