@@ -179,9 +179,7 @@ def prepare(study: Study, folder: Path) -> Problem:
     for combo in combos:
         fixed = dict(study.fixed)
         for i, k in zip(shape, combo, strict=True):
-            choices = study.variables[names[i]].choices
-            assert choices is not None
-            fixed[names[i]] = choices[k]
+            fixed[names[i]] = (study.variables[names[i]].choices or [])[k]
         try:
             topologies[combo] = read_topology(study, robot, fixed)
         except SnakegenError as error:

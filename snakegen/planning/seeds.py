@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 
 from snakegen.base.geometry import Floats
+from snakegen.errors import PlanError
 from snakegen.planning.body import PlannedBody
 from snakegen.planning.curves import Curve, arc_between, bridge, dense, rounded, waved
 from snakegen.planning.ends import End, ends_of, line_of, moved
@@ -74,7 +75,8 @@ def seeds(body: PlannedBody, scene: Scene, way: Floats, lines: list[Floats]) -> 
         way: (m, 3) m, of a point from start to goal.
         lines: through the openings on the way, in order.
     """
-    assert scene.start is not None and scene.goal is not None
+    if scene.start is None or scene.goal is None:
+        raise PlanError(f"{scene.name}: a scene to plan through needs 'start' and 'goal'.")
     found: dict[Family, list[Seed]] = {}
     starts, goals = list(ends_of(body, scene.start)), list(ends_of(body, scene.goal))
     overhead = any(_overhead(line) for line in lines)

@@ -133,7 +133,8 @@ def worst_rows(body: Body, path: Path, column: str) -> pa.Table:
         both = table if kept is None else pa.concat_tables([kept, table])
         order = np.argsort(_score(body, both, column), kind="stable")
         kept = both.take(order[:STARTS])
-    assert kept is not None  # a sweep has rows
+    if kept is None:
+        raise AnalysisError(f"{path}: a sweep without rows.")
     return kept
 
 
